@@ -21,7 +21,7 @@ from readings import CASES
 from clutchid.estimation.assess.comparison import half_load
 from clutchid.estimation.assess.reasons import BAD_ERROR, GOOD_ERROR, POOR_ERROR, SHARES_OFF
 from clutchid.estimation.filtered_load import FILTER_WEIGHT
-from clutchid.estimation.hypotheses import BAND, flattened, softmax
+from clutchid.estimation.hypotheses import INTERVAL_SETTINGS, flattened, softmax
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
@@ -81,7 +81,7 @@ class Weights(NamedTuple):
     spread: FloatArray
 
 
-def weights(reading: Stored, part: float = BAND.evidence) -> Weights:
+def weights(reading: Stored, part: float = INTERVAL_SETTINGS.evidence) -> Weights:
     """The mean over the hypotheses that were searched, and a part of the logarithm of the evidence for the band."""
     searched = np.where(reading.arrays["searched"], reading.arrays["score"], -np.inf)
     return Weights(softmax(searched), flattened(reading.arrays["score"], part))
@@ -112,11 +112,11 @@ def contested(reading: Stored) -> float:
     return float(np.mean(np.argmax(drawn_scores(reading), axis=1) != np.argmax(reading.arrays["score"])))
 
 
-def posterior(reading: Stored, of: Weights, least: float = BAND.least) -> Mixture:
+def posterior(reading: Stored, of: Weights, least: float = INTERVAL_SETTINGS.least) -> Mixture:
     """Posterior of the load at the points of the grid, as independent numbers: only their own intervals are used."""
     a = reading.arrays
     misfit = np.fmax(1.0, a["misfit"])
-    variance = misfit * (a["std"] ** 2 + (BAND.missed * a["grease"]) ** 2)
+    variance = misfit * (a["std"] ** 2 + (INTERVAL_SETTINGS.missed * a["grease"]) ** 2)
     variance += (least * a["load"].max(axis=1, keepdims=True)) ** 2
     return Mixture(HYPOTHESES, *of, a["load"], np.array([np.diag(row) for row in variance]))
 
@@ -155,7 +155,7 @@ BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
         "bootstraps, all evidence": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading))),
         "  and times 1.1": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading)), 1.1),
         "bootstraps, 0.3 of the evidence": lambda truck_reading: band_of(
-            posterior(truck_reading, bootstraps(truck_reading, BAND.evidence))
+            posterior(truck_reading, bootstraps(truck_reading, INTERVAL_SETTINGS.evidence))
         ),
         "0.3, and half of the joint filter": lambda truck_reading: with_filter(truck_reading, 0.5),
     },

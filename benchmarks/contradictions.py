@@ -27,7 +27,7 @@ from clutchid.observer import following
 from clutchid.observer.contradiction import LARGEST, LEARNING, STANDING
 from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive, truck
 
 #: Trucks that the rule was chosen on, and those that it was reported on, by family and number.
@@ -103,8 +103,8 @@ def recordings(family: str, number: int, folder: Path) -> Iterator[tuple[str, Ob
         if name == "supply +5 %":
             continue
         worn = drive(
-            kind.replace({"P_S": share * kind.P_S}), seconds=20.0, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES,
-            pressure=False, change=change,
+            kind.replace({"P_S": share * kind.P_S}), seconds=20.0, seed=seeds[1], wear=WEAR,
+            cycles=WEAR * STROKES_A_METRE, pressure=False, change=change,
         )  # fmt: skip
         truth = worn.truth.load(GRID)
         yield "sound", sound, worn.log, truth

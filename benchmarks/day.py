@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from clutchid.log import Log
-from clutchid.strokes import choose, cut, joined, sections_table
+from clutchid.strokes import choose, joined, sections_of, sections_table
 
 RATE = 1000
 
@@ -80,7 +80,7 @@ def main() -> None:
 
     made: list[float] = []
     begin = time.process_time()
-    strokes = Counter(section.label for section in cut(pieces(seconds, chosen.piece, made)))
+    strokes = Counter(section.label for section in sections_of(pieces(seconds, chosen.piece, made)))
     alone = time.process_time() - begin - sum(made)
     speed = seconds * RATE / alone / 1e6
     print(f"cut:            {alone:6.1f} s of one core, {speed:.2f} million samples/s, peak {peak():.0f} MB")
@@ -88,7 +88,7 @@ def main() -> None:
     if chosen.choose > 0:
         made.clear()
         begin = time.process_time()
-        best = choose(cut(pieces(seconds, chosen.piece, made)), chosen.choose)
+        best = choose(sections_of(pieces(seconds, chosen.piece, made)), chosen.choose)
         both = time.process_time() - begin - sum(made)
         print(f"cut and choose: {both:6.1f} s of one core, peak {peak():.0f} MB, {len(joined(best)):,} samples chosen")
         print(sections_table(best))

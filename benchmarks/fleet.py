@@ -23,8 +23,8 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import fleet_of, read_all, tasks
-from clutchid.fleets.store import store
+from clutchid.fleets.jobs import compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.store import run_store
 from clutchid.truck import drive, truck
 from clutchid.verbs.wear_reading import ReadingOptions
 
@@ -79,7 +79,7 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     alone = 0.0
     for number in workers:
         out = folder / f"out{count}-{number}"
-        with store(out, {}) as results:
+        with run_store(out, {}) as results:
             todo = tasks(fleet, ReadingOptions(), results)
             wall, seen = timed(count, partial(read_all, Workers(number), ReadingOptions(), todo, results))
             seconds = [result.seconds for result in results.results()]

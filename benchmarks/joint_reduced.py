@@ -24,7 +24,7 @@ from clutchid.observer import estimates_of, observe, observer, start
 from clutchid.observer.methods import METHODS
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
-from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, Truth, drive, truck
 
 #: Positions in m at which standard deviations of the load are compared, and over which its error is.
@@ -65,7 +65,7 @@ def of_truck(family: str, number: int, modes: Sequence[int], seconds: float, cal
     """That of `joint` before the first sample, at the end, at the end from a moved start; then with modes."""
     of_vehicle, seeds = truck(number, family), np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     file = calibrated(of_vehicle, seeds[0], calibrations / f"{family}{number}.toml" if calibrations else None)
-    worn = drive(of_vehicle, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False)
+    worn = drive(of_vehicle, seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES_A_METRE, pressure=False)
     made = [observer(file.actuator, calibration=file.calibration, modes=count) for count in (None, *modes)]
     full, first = made[0], start(made[0])
     begins = [(full, first), (full, moved(first)), *((variant, start(variant)) for variant in made[1:])]

@@ -29,7 +29,7 @@ from clutchid.inference.uncertainty.conditions import by_supply
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import SECONDS, STROKES
+from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
 from clutchid.truck import GRID, Vehicle, drive, truck
 
 #: First number of the trucks of families, and first seed of the hybrids.
@@ -85,8 +85,8 @@ def one_truck(
         share, change = CASES[case]
         changed: Vehicle = kind.replace({"P_S": share * kind.P_S})
         worn = drive(
-            changed, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES, pressure=False, conditions=True,
-            change=change,
+            changed, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES_A_METRE,
+            pressure=False, conditions=True, change=change,
         )  # fmt: skip
         truth = worn.truth.load(GRID)
         for recorded, lacking in LACKING.items():

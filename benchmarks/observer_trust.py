@@ -19,7 +19,7 @@ from online import ANOTHER, FAULTS, WEAR, calibrated
 from clutchid.estimation.assess.observed import engaging_load, indicators, observed_verdict
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive, truck
 
 
@@ -33,8 +33,8 @@ def rows(number: int, family: str, lengths: list[float], faults: list[str], cali
         of_truck, of_log = FAULTS[fault]
         driven = truck(number + 1, family) if fault == ANOTHER else kind
         worn = drive(
-            of_truck(driven), seconds=max(lengths), seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False,
-            conditions=True,
+            of_truck(driven), seconds=max(lengths), seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES_A_METRE,
+            pressure=False, conditions=True,
         )  # fmt: skip
         for length in lengths:
             whole = of_log(worn.log)

@@ -31,7 +31,7 @@ from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
 from clutchid.observer.observer import observer, start
 from clutchid.strokes.stroke import NO_STROKES, count_strokes
-from clutchid.study.proving.ground import SECONDS, STROKES
+from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Wear of the facing in m.
@@ -159,7 +159,7 @@ def one_truck(
         of_truck, of_log = FAULTS[fault]
         driven = truck(number + 1, family) if fault == ANOTHER else kind
         worn = drive(
-            of_truck(driven), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False,
+            of_truck(driven), seconds=seconds, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES_A_METRE, pressure=False,
             conditions=conditions,
         )  # fmt: skip
         log = of_log(worn.log)

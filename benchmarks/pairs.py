@@ -180,7 +180,7 @@ def load_of(result: Any, once: Any, true: np.ndarray, grid: np.ndarray) -> dict[
 def evidence_of(explanations: dict[Any, Any], once: Any, log: Any) -> dict[str, Any]:
     """Posterior over the hypotheses, and the information of the data about all that differs between trucks."""
     from clutchid.estimation.departure import relative_misfit
-    from clutchid.estimation.hypotheses import mixture, most_probable, score
+    from clutchid.estimation.hypotheses import hypothesis_score, mixture, most_probable
     from clutchid.inference.smoother.problem import data_factor, linearise
     from clutchid.inference.uncertainty.change_prior import HYPOTHESES
     from clutchid.inference.uncertainty.coordinates import coordinates
@@ -216,9 +216,9 @@ def evidence_of(explanations: dict[Any, Any], once: Any, log: Any) -> dict[str, 
             relative_misfit(explanation.solution.at.cost, [log], calibration) for explanation in explanations.values()
         ],
         "costs": [explanation.solution.at.cost for explanation in explanations.values()],
-        "scores": [score(explanation.under(h), h, calibration) for h, explanation in explanations.items()],
+        "scores": [hypothesis_score(explanation.under(h), h, calibration) for h, explanation in explanations.items()],
         "best": "+".join(most_probable(explanations, calibration)),
-        "all_scores": [score(explanations.get(h, best).under(h), h, calibration) for h in HYPOTHESES],
+        "all_scores": [hypothesis_score(explanations.get(h, best).under(h), h, calibration) for h in HYPOTHESES],
         "dispersion": usual.dispersion if usual else 1.0,
         "R": None if factor is None else factor[np.triu_indices_from(factor)],
     }

@@ -27,7 +27,7 @@ from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import ObservedRecording, observe, observe_recording, observer, start
 from clutchid.study.paper.pressure import measured_motion
-from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import drive, truck
 
 SECONDS = 30.0
@@ -74,7 +74,7 @@ def one_truck(number: int, family: str, calibrations: Path | None) -> tuple[Log,
     content = calibrated(kind, seeds[0], calibrations / f"{family}{number}.toml" if calibrations else None)
     new = content.actuator
     worn = drive(
-        kind, seconds=2 * SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES, pressure=False, name="worn"
+        kind, seconds=2 * SECONDS, seed=seeds[1], wear=WEAR, cycles=WEAR * STROKES_A_METRE, pressure=False, name="worn"
     )
     joint = observer(new, calibration=content.calibration)
     half = len(worn.log) // 2

@@ -31,11 +31,11 @@ from clutchid.estimation.hypotheses import (
     Explanations,
     IntervalSettings,
     explained,
+    hypothesis_score,
     mixture,
     most_probable,
-    score,
 )
-from clutchid.estimation.parameter_file import ParameterFile, parameter_file, read_parameters, write_parameters
+from clutchid.estimation.parameter_file import ParameterFile, contents_of_fit, read_parameters, write_parameters
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.shooting import SHOOTING
 from clutchid.inference.smoother.residuals import BLOCKS
@@ -69,7 +69,7 @@ def calibration_of(number: int, family: str, path: Path) -> ParameterFile:
     """The calibration of a truck, from its file if it has one."""
     if not path.exists():
         once = calibrated(number, family, LACKING["supply"], "shooting")
-        write_parameters(parameter_file(once, once.verdict.trust), path)
+        write_parameters(contents_of_fit(once, once.verdict.trust), path)
     return read_parameters(path)
 
 
@@ -117,7 +117,7 @@ def reading(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str,
         "searched": np.array([hypothesis in explanations for hypothesis in HYPOTHESES]),
         "score": np.array(
             [
-                score(explanation.under(h), h, calibration)
+                hypothesis_score(explanation.under(h), h, calibration)
                 for explanation, h in zip(by_hypothesis, HYPOTHESES, strict=True)
             ]
         ),

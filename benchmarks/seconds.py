@@ -24,7 +24,7 @@ import numpy as np
 from widening import SECONDS, seeds, worn_clutch
 
 from clutchid import DataError, Fit, FitRequest, SolveError
-from clutchid.estimation.fit import METHODS, fit_request
+from clutchid.estimation.fit import FIT_METHODS, fit_request
 from clutchid.estimation.method import Method
 from clutchid.estimation.phase import filtered_phase
 from clutchid.log import Log
@@ -83,7 +83,7 @@ def recorded(method: Method, searches: list[Line]) -> Method:
 def line_of(log: Log, truth: Truth, start: Fit | None, request: FitRequest) -> tuple[Line, Fit | None]:
     """What a fit takes, where it ends, and how right its load is."""
     searches: list[Line] = []
-    methods = {name: recorded(method, searches) for name, method in METHODS.items()}
+    methods = {name: recorded(method, searches) for name, method in FIT_METHODS.items()}
     try:
         seconds, result = timed(lambda: fit_request([log], start and start.actuator, request, methods=methods))
     except (DataError, SolveError) as refusal:

@@ -26,7 +26,7 @@ from online import WEAR
 from clutchid.log import Log
 from clutchid.observer import Observer, ObserverState, observe, start
 from clutchid.strokes.stroke import BEGINS
-from clutchid.study.proving.ground import STROKES
+from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive
 
 #: Interval of the starts, and the time after each in which pressure and position count, in samples.
@@ -62,7 +62,7 @@ def one_start(joint: Observer, begin: ObserverState, log: Log, first: int, expec
 def one_truck(of: tuple[str, int], calibrations: Path, seconds: float) -> list[Row]:
     """Every start on one truck."""
     kind, joint, seed = truck_and_observer(of, calibrations)
-    log = drive(kind, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES).log
+    log = drive(kind, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES_A_METRE).log
     begin = start(joint)
     after, _ = observe(joint, begin, log.without("pressure_a"))
     expected = joint.load(after).force(GRID)

@@ -17,7 +17,7 @@ import time
 import numpy as np
 
 from clutchid.truck import drive, truck
-from clutchid.truck.running import Course, run
+from clutchid.truck.running import Course, run_truck
 
 FIRST = "from clutchid.truck import drive, truck; drive(truck(0), seconds=1)"
 
@@ -38,7 +38,7 @@ def warm(seconds: float, rounds: int, trucks: int) -> None:
         n = driven.wanted.size
         course = Course(driven.wanted, np.full((n, 2), np.nan), np.zeros(n))
         whole += [timed(lambda t=chosen, s=number: drive(t, seconds=seconds, seed=s)) for _ in range(rounds)]
-        alone += [timed(lambda t=chosen, c=course: run(t, c)) for _ in range(rounds)]
+        alone += [timed(lambda t=chosen, c=course: run_truck(t, c)) for _ in range(rounds)]
     for name, times in (("loop alone", alone), ("whole drive", whole)):
         median, worst = statistics.median(times), max(times)
         print(

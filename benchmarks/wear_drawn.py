@@ -26,7 +26,7 @@ from clutchid.log import FloatArray
 from clutchid.truck import aged
 from clutchid.truck.families import truck
 from clutchid.truck.service import Visit, visits
-from clutchid.verbs.virtual_fleet import POSITIONS, STEPS, STROKES_A_METRE, engaging, load_at_positions
+from clutchid.verbs.virtual_fleet import LOAD_POSITIONS, STEPS, STROKES_A_METRE, engaging, load_at_positions
 from clutchid.wear.history import Dated, History, WearReading
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.trend import REFERENCE, WearTable
@@ -72,7 +72,7 @@ def table_of(family: str, number: int) -> WearTable:
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [load_at_positions(aged(new, w, w * STROKES_A_METRE)) for w in wear]
     half, load = (
-        np.array([half_load(POSITIONS, curve) for curve in loads]),
+        np.array([half_load(LOAD_POSITIONS, curve) for curve in loads]),
         np.array([engaging(curve) for curve in loads]),
     )
     return WearTable(wear, half - half[0], load / load[0] - 1.0)

@@ -27,7 +27,7 @@ from clutchid import DataError, Fit, FitRequest, Prior, SolveError, fit
 from clutchid.estimation.fit import MethodName
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS
-from clutchid.study.proving.ground import SECONDS, STROKES
+from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
 from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import CHANGES, GRID, Drive, Vehicle, drive, truck
 
@@ -146,8 +146,9 @@ def worn_clutch(
     changes, options = CASES[case]
     kind = kind or truck(number, family)
     worn = drive(
-        kind, seconds=SECONDS, seed=seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES, pressure=False,
-        change=changes, name="worn", conditions=True, **({"recorder": "bus"} if bus else {}), **options(kind),
+        kind, seconds=SECONDS, seed=seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES_A_METRE,
+        pressure=False, change=changes, name="worn", conditions=True,
+        **({"recorder": "bus"} if bus else {}), **options(kind),
     )  # fmt: skip
     if case != LATE:
         return worn

@@ -22,7 +22,7 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import unknown_name
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 #: Characters of a value that a message shows.
 _SHOWN = 40
@@ -39,7 +39,7 @@ def is_number(value: object) -> bool:
     return True
 
 
-def checked(function: Function) -> Function:
+def checked(function: _Function) -> _Function:
     """The function, with the kinds of its arguments checked.
 
     Raises
@@ -71,7 +71,7 @@ def checked(function: Function) -> Function:
                 _check(name, value, hint, place)
         return function(*arguments, **options)
 
-    return typing.cast(Function, call)
+    return typing.cast(_Function, call)
 
 
 def check_fields(record: object) -> None:

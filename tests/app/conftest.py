@@ -15,7 +15,7 @@ from clutchid.app.records import content
 from clutchid.app.server import application
 from clutchid.app.session import Session
 from clutchid.app.tasks import TASKS
-from clutchid.app.worker import run
+from clutchid.app.worker import do_task
 from clutchid.documents.json_text import json_text
 from clutchid.truck import Truck, drive
 from clutchid.verbs.progress import when_compiling
@@ -149,7 +149,7 @@ class JobInThread:
 
     def write(self, pickled):
         task = pickle.loads(pickled)
-        threading.Thread(target=run, args=(task, TASKS[type(task)], self), daemon=True).start()
+        threading.Thread(target=do_task, args=(task, TASKS[type(task)], self), daemon=True).start()
 
     async def drain(self):
         """Nothing is left to be sent."""

@@ -8,7 +8,7 @@ import pytest
 from clutchid.app.session import Session
 from clutchid.documents.json_text import json_text
 from clutchid.errors import DataError
-from clutchid.fleets.opened import MOST_LOADS, PLACES, files_of, opened
+from clutchid.fleets.opened import MOST_LOADS, PLACES, files_of, opened_results
 from fixtures.results import REPLACED, STEADY, UNREAD, lives, write_fleet, write_track
 
 
@@ -26,7 +26,7 @@ def track(tmp_path_factory):
 
 def shown(path, vehicle=None):
     """What the page gets, as JSON that has no NaN and no infinity."""
-    return json.loads(json_text(opened(path, path.parent, vehicle)))
+    return json.loads(json_text(opened_results(path, path.parent, vehicle)))
 
 
 def test_a_track_has_its_trend_its_forecast_and_its_loads(track):
@@ -131,14 +131,14 @@ def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track
 def test_another_file_is_a_sentence(tmp_path, name, content, said):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DataError) as error:
-        opened(tmp_path / name, tmp_path, None)
+        opened_results(tmp_path / name, tmp_path, None)
     assert said in str(error.value)
     assert str(tmp_path) not in str(error.value)
 
 
 def test_a_vehicle_that_is_not_there_is_a_sentence(run):
     with pytest.raises(DataError, match=r"V 9: wear\.parquet has no recordings of it"):
-        opened(run / "vehicles.parquet", run, "V 9")
+        opened_results(run / "vehicles.parquet", run, "V 9")
 
 
 def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, tmp_path):

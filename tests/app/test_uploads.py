@@ -59,7 +59,7 @@ def test_an_upload_without_a_size_is_refused(idle):
 
 
 def test_an_upload_that_is_too_large_is_refused_before_it_is_sent(idle):
-    answer = upload(idle, "a.csv", content_length=str(uploads.LARGEST + 1))
+    answer = upload(idle, "a.csv", content_length=str(uploads.LARGEST_UPLOAD + 1))
     assert "open it by its path, which copies nothing" in answer.message
 
 

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from clutchid.app.records import File, Look
-from clutchid.app.worker import Events, run
+from clutchid.app.worker import Events, do_task
 from clutchid.errors import DataError
 
 
@@ -20,7 +20,7 @@ def test_a_message_names_a_file_and_not_the_folder_that_the_server_keeps_it_in()
     def refused(task, events):
         raise DataError(f"{task.file.path}: has no position; see /etc/notes.")
 
-    run(Look(File(path), path.parent), refused, said)
+    do_task(Look(File(path), path.parent), refused, said)
     ((event, values),) = said
     assert (event, values["message"]) == ("failed", "run.csv: has no position; see /etc/notes.")
 

@@ -15,8 +15,8 @@ import pytest
 from clutchid.codegen.kernels import kernels_in
 from clutchid.exports.filter import FilterSize, filter_c99
 from clutchid.inference.filter.setup import (
+    BOUND_LOW,
     LEAST,
-    LOW,
     MEAN,
     MOST,
     Derived,
@@ -99,7 +99,7 @@ def drawn(seed):
     positive = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
     numbers = np.column_stack([1.5 + single(K), 0.25 * single(K), positive, -endless, endless, -1.5 * ones, 1.5 * ones])
     numbers[3, [LEAST, MOST]] = -0.5, 0.5
-    numbers[2, LOW] = 1.0
+    numbers[2, BOUND_LOW] = 1.0
     numbers[4, MEAN] = 2.0**-20 if seed % 3 == 0 else 2.0**-10  # below a hundredth of an interval, the lag is a shift
     T, L = np.tril(single(K, K)) + np.eye(K), single(ROWS, ROWS) + 2.0 * np.eye(ROWS)
     outlier, speed, ahead = 1.5, 0.25, 0.125
@@ -198,7 +198,7 @@ def lag_in_python(a, tau):
 
 def predicted_in_python(a):
     interval = np.zeros(1), np.array([DT]), 1, a.g.sigma, np.vstack([lag_in_python(a, tau) for tau in a.lags])
-    a.m.move_columns(a.step, a.state, a.moved, interval, a.arrays)
+    a.m.move_wide_columns(a.step, a.state, a.moved, interval, a.arrays)
 
 
 def predicted_in_c(c):
@@ -241,7 +241,7 @@ FUNCTIONS = {
     ),
     "correction": (corrected_in_python, lambda c: c.corrected()),
     "state_deviations": (
-        lambda a: filled(deviations := np.zeros(N), a.m.state_deviations, a.S, a.T, a.slopes, deviations, a.room.w),
+        lambda a: filled(deviations := np.zeros(N), a.m.first_deviations, a.S, a.T, a.slopes, deviations, a.room.w),
         lambda c: [
             c.call("state_deviation", c.columns, c.belief, c.derived, row, c.zeros(K)) for row in range(N)
         ],

@@ -4,7 +4,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from clutchid.cli.common import EVERY, progress_of, progress_words
+from clutchid.cli.common import PROGRESS_PERIOD, progress_of, progress_words
 from clutchid.errors import ParameterError
 from clutchid.simulation import Partition
 from clutchid.verbs.options import life_limit, partition_of
@@ -22,7 +22,7 @@ def test_a_line_a_minute_says_what_is_done_the_rate_and_the_time_left(passing, c
             passing.return_value += 10.0
             progress(count, 120)
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 30 * 10.0 / EVERY
+    assert len(lines) == 30 * 10.0 / PROGRESS_PERIOD
     assert lines[0] == "fleet: 6 of 120 recordings, 6 a minute, 19 min left"
     assert lines[-1] == "fleet: 30 of 120 recordings, 6 a minute, 15 min left"
 

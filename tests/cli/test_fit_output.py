@@ -20,11 +20,11 @@ from clutchid import Fit, FitRequest, fit, read_parameters, write
 from clutchid.cli.fit import MOST_WARNINGS, answer
 from clutchid.documents.console import OutputLost
 from clutchid.errors import ExportError
-from clutchid.estimation.assess.verdict import States, states_of_wear
+from clutchid.estimation.assess.verdict import WearStates, states_of_wear
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.truck import Truck, drive
 from clutchid.verbs.commands import FitCommand
-from clutchid.verbs.next_step import fit_document
+from clutchid.verbs.next_step import document_with_next_step
 from fixtures.baselines import with_baseline
 from fixtures.commands import called
 
@@ -59,7 +59,7 @@ def on_a_terminal(monkeypatch):
                 for name, value in {"COLUMNS": str(columns), **env}.items():
                     patched.setenv(name, value)
                 patched.setattr(sys, "stdout", terminal)
-                assert answer(fit_document(fitted, COMMAND), {}, json=False, verbose=False) == 0
+                assert answer(document_with_next_step(fitted, COMMAND), {}, json=False, verbose=False) == 0
             text = everything.result(timeout=60)
         os.close(parent)
         return text.replace("\r\n", "\n")
@@ -92,7 +92,7 @@ def truck(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def shown(fitted, capsys, *, verbose=False, command=COMMAND, writers=None):
     """Exit code, and what is printed on standard output and standard error."""
-    code = answer(fit_document(fitted, command), writers or {}, json=False, verbose=verbose)
+    code = answer(document_with_next_step(fitted, command), writers or {}, json=False, verbose=verbose)
     return code, *capsys.readouterr()
 
 
@@ -157,7 +157,7 @@ def test_the_files_are_written_though_nobody_reads_what_is_printed(fitted, capsy
         monkeypatch.setattr(sys, "stdout", closed)
         writers = {good: lambda path: path.write_text("done")}
         with pytest.raises(OutputLost):
-            answer(fit_document(fitted, COMMAND), writers, json=False, verbose=False)
+            answer(document_with_next_step(fitted, COMMAND), writers, json=False, verbose=False)
     assert good.read_text() == "done"
 
 
@@ -173,7 +173,7 @@ def test_a_file_that_cannot_be_written_does_not_cost_the_result(fitted, capsys, 
     assert f"written: {good}" in out
     assert err == "clutchid: the fit is complete, but F.toml: no space left?[31m\n"
     assert "next" not in out
-    assert answer(fit_document(fitted, COMMAND), writers, json=True, verbose=False) == 1
+    assert answer(document_with_next_step(fitted, COMMAND), writers, json=True, verbose=False) == 1
     content = json.loads(capsys.readouterr().out)
     assert content["status"] == "failed"
     assert content["message"].startswith("the fit is complete, but F.toml")
@@ -229,7 +229,7 @@ def test_recordings_of_one_wear_are_of_one_state_and_of_another_wear_of_two(truc
         log = replace(made.log, name=f"{1e3 * wear:g} mm, {seed}")
         return fit(log, calibrated.actuator, free="load", request=FitRequest(calibration=calibrated.calibration))
 
-    def states(*readings: Fit) -> States | None:
+    def states(*readings: Fit) -> WearStates | None:
         return states_of_wear(
             replace(readings[0], readings={next(iter(reading.recordings)): reading for reading in readings})
         )

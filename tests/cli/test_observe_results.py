@@ -144,7 +144,7 @@ def test_where_standard_output_is_lost_the_recording_goes_on(observe, same, monk
 def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
     observe, folder, same, tmp_path, monkeypatch, stall
 ):
-    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", stall)
+    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", stall)
     (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
     reading, writing = os.pipe()
 
@@ -167,7 +167,7 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
 
 @pytest.mark.slow
 def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_path, monkeypatch):
-    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", 0.05)
     text = (folder / "worn.csv").read_bytes()
     (tmp_path / "worn.csv").write_bytes(text[:200_000])
     reading, writing = os.pipe()
@@ -250,7 +250,7 @@ def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
 def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped
 ):
-    monkeypatch.setattr("clutchid.verbs.service.streams.STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", 0.05)
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream, monkeypatch.context() as both:
         both.setattr("sys.stdout", stream)

@@ -56,7 +56,7 @@ def told(folder):
     shown, said = StringIO(), StringIO()
     patched = pytest.MonkeyPatch.context()
     with without_workers(), blank_figures(), patched as changed, redirect_stdout(shown), redirect_stderr(said):
-        changed.setattr("clutchid.cli.common.EVERY", 0.0)
+        changed.setattr("clutchid.cli.common.PROGRESS_PERIOD", 0.0)
         assert run(folder, *files, "--limit", "0.2") == 0
     return shown.getvalue(), said.getvalue()
 

@@ -17,7 +17,7 @@ from clutchid.estimation import Estimate, LoadCurve
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.log import Log
 from clutchid.verbs.commands import FitCommand
-from clutchid.verbs.next_step import fit_document
+from clutchid.verbs.next_step import document_with_next_step
 from fixtures.baselines import reaching, two_states, with_baseline
 
 pytestmark = pytest.mark.slow
@@ -216,7 +216,7 @@ def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(undra
 
 def test_the_page_has_the_next_step_and_what_is_assumed(undrawn, fitted):
     asked = FitCommand(verb="estimate", logs=(Path("worn.csv"),), start=Path("CAL.toml"), report=Path("worn.html"))
-    html = flat(page_of(fit_document(reading(fitted), asked)))
+    html = flat(page_of(document_with_next_step(reading(fitted), asked)))
     assert f"next keep the result: clutchid {' '.join(asked.words)} --save worn.toml" in html
     assert "supply pressure not recorded: as calibrated, 8.90 ± 0.50 bar" in html
 

@@ -9,14 +9,14 @@ import pytest
 
 from clutchid.documents.document import (
     Bullets,
+    Chapter,
     Details,
     Document,
+    LabelRow,
     Markup,
     NextStep,
     Notice,
     Picture,
-    Row,
-    Section,
     Sortable,
     Text,
 )
@@ -24,7 +24,7 @@ from clutchid.documents.html import page_of
 from clutchid.documents.tables import Column, Link, ReportTable
 
 HOSTILE = '<script src="http://evil.example/x.js">alert("1")</script>'
-SECTION = Section(
+SECTION = Chapter(
     f"heading {HOSTILE}",
     (
         Text(Markup(f"<b>ours</b> {escape(HOSTILE)}")),
@@ -38,13 +38,14 @@ SECTION = Section(
     ),
 )
 PAGE = Document(
-    f"title {HOSTILE}", f"subtitle {HOSTILE}", (Row(HOSTILE, HOSTILE), Row("", HOSTILE, "good")), (Notice(HOSTILE),),
-    lambda: (SECTION,), next=NextStep("keep", HOSTILE, HOSTILE), command=HOSTILE, sources={HOSTILE: HOSTILE},
+    f"title {HOSTILE}", f"subtitle {HOSTILE}", (LabelRow(HOSTILE, HOSTILE), LabelRow("", HOSTILE, "good")),
+    (Notice(HOSTILE),), lambda: (SECTION,),
+    next=NextStep("keep", HOSTILE, HOSTILE), command=HOSTILE, sources={HOSTILE: HOSTILE},
 )  # fmt: skip
 
 
 def of_blocks(*blocks):
-    return page_of(Document("t", "s", sections=lambda: (Section("h", blocks),)))
+    return page_of(Document("t", "s", sections=lambda: (Chapter("h", blocks),)))
 
 
 def test_hostile_names_are_shown_and_never_run():

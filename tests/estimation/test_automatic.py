@@ -9,14 +9,14 @@ import pytest
 import clutchid
 from clutchid.app import tasks
 from clutchid.app.records import File, FitRecordings
-from clutchid.cli.fit import FitOptions, fitted
+from clutchid.cli.fit import FitOptions, run_fit
 from clutchid.errors import DataError, SolveError
 from clutchid.estimation.automatic import (
     AUTOMATIC,
     CLOSED_STD,
     DECAY,
-    LAG,
     ON_OFF_DELAY,
+    START_LAG,
     WITH_CARRIER,
     ambient_priors,
     automatic,
@@ -68,7 +68,7 @@ def test_each_variant_frees_what_it_knows(drive_log, model):
     assert free[:22] == begin.load.names, "the load is free on B-splines"
     assert len(free) == len(set(free))
     assert begin.model == model
-    assert (begin.value("tau_y"), begin.value("tau_p")) == (LAG, LAG), "what sensors have"
+    assert (begin.value("tau_y"), begin.value("tau_p")) == (START_LAG, START_LAG), "what sensors have"
 
 
 @pytest.mark.slow
@@ -194,7 +194,7 @@ def test_a_calibration_that_is_started_from_one_does_not_know_its_ambient_pressu
             clutchid.calibrate(unsettled, guess, force=True)
         elif door == "cli":
             options = FitOptions(start=start, force=True)
-            fitted(options.command("calibrate", (unsettled,)), options)
+            run_fit(options.command("calibrate", (unsettled,)), options)
         else:
             asked = FitCommand(verb="calibrate", logs=(unsettled,), force=True)
             task = FitRecordings(asked, "", (File(unsettled),), tmp_path, start=start)
@@ -252,7 +252,7 @@ def recorded_on_grid(plant, duties_of, shift):
     """6 s of a switched unit that takes new duty cycles over where a period begins; its valves open 2 ms later."""
     inputs = on_grid(duties_of(5).slice(0, 6000), shift)
     begun = {"T_pwm": 0.01, "s_pwm": centred(shift / 10), "s_vs": 0.2, "s_ve": 0.2, "t_vs": 0.01, "t_ve": 0.01}
-    pressure = lagged(simulate(plant.replace(begun), inputs).log["pressure_a"], LAG, 1e-3)
+    pressure = lagged(simulate(plant.replace(begun), inputs).log["pressure_a"], START_LAG, 1e-3)
     pressure = pressure + 2e3 * np.random.default_rng(3).standard_normal(pressure.size)
     return inputs.with_columns(pressure_a=pressure)
 

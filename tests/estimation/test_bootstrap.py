@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.estimation.bootstrap import FEWEST, bootstrap, excursions, gauss_newton_steps, scatter_ratio
+from clutchid.estimation.bootstrap import FEWEST_EXCURSIONS, bootstrap, excursions, gauss_newton_steps, scatter_ratio
 from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.search import CONVERGED_GAIN, STAGES_FROM_CALIBRATION, search
 from clutchid.log import Log
@@ -150,9 +150,11 @@ def test_a_recording_without_rest_is_cut_into_pieces_of_a_second(problem_of, pla
 
 
 def test_a_recording_of_few_excursions_is_cut_into_pieces(problem_of, plant):
-    few, enough = (excursions(resting(problem_of, plant, count))[0] for count in (FEWEST - 1, FEWEST))
+    few, enough = (
+        excursions(resting(problem_of, plant, count))[0] for count in (FEWEST_EXCURSIONS - 1, FEWEST_EXCURSIONS)
+    )
     assert np.ptp(np.bincount(few)) <= 1
-    assert enough.max() + 1 == FEWEST
+    assert enough.max() + 1 == FEWEST_EXCURSIONS
     # the last one has the rest at the end
     assert np.bincount(enough)[-1] == 15
 

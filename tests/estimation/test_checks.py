@@ -9,7 +9,7 @@ from clutchid import fit
 from clutchid.errors import ParameterError
 from clutchid.estimation import checks as module
 from clutchid.estimation.calibrate import free_parameters
-from clutchid.estimation.checks import checked
+from clutchid.estimation.checks import with_checked_intervals
 from clutchid.estimation.method import fit_at
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING, shoot
@@ -29,7 +29,7 @@ def plain(shot):
 
 @pytest.mark.slow
 def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, plain):
-    result = checked(plain, shot, None, ("F_C",), 0)
+    result = with_checked_intervals(plain, shot, None, ("F_C",), 0)
     profiled, before = result.parameters["F_C"], plain.parameters["F_C"]
     assert (profiled.value, profiled.std) == (before.value, before.std)
     assert profiled.low < profiled.value < profiled.high
@@ -40,7 +40,7 @@ def test_a_profiled_number_has_its_own_interval_and_the_rest_is_as_before(shot, 
 
 def test_a_nonquadratic_interval_is_noted_with_both(shot, plain):
     low, high = plain.parameters["F_C"].low, plain.parameters["F_C"].high
-    note = checked(plain, shot, None, ("F_C",), 0, lambda *_: (0.5 * low, high)).notes[-1]
+    note = with_checked_intervals(plain, shot, None, ("F_C",), 0, lambda *_: (0.5 * low, high)).notes[-1]
     assert f"{0.5 * low:.4g} to {high:.4g} N by profile likelihood" in note
     assert f"gives {low:.4g} to {high:.4g}." in note
 
@@ -50,12 +50,14 @@ def test_the_interval_of_a_load_weight_is_shifted_as_its_value_is(shot, plain):
     value = plain.parameters[name].value
     # bias of a calibration: 100 N
     moved = replace(plain, parameters={**plain.parameters, name: replace(plain.parameters[name], value=value - 100.0)})
-    estimate = checked(moved, shot, None, (name,), 0, lambda *_: (value - 30.0, value + 40.0)).parameters[name]
+    estimate = with_checked_intervals(
+        moved, shot, None, (name,), 0, lambda *_: (value - 30.0, value + 40.0)
+    ).parameters[name]
     assert (estimate.low, estimate.high) == pytest.approx((value - 130.0, value - 60.0))
 
 
 def test_the_bootstrap_says_over_how_many_strokes_and_how_far_the_load_scatters(shot, plain):
-    result = checked(plain, shot, None, (), 50)
+    result = with_checked_intervals(plain, shot, None, (), 50)
     assert any(note.startswith("bootstrap over ") and "times that of its interval" in note for note in result.notes)
     assert result.parameters == plain.parameters
 
@@ -67,7 +69,7 @@ def test_the_bootstrap_says_over_how_many_strokes_and_how_far_the_load_scatters(
 )
 def test_what_the_bootstrap_finds_is_said(shot, plain, monkeypatch, ratio, sentence, status):
     monkeypatch.setattr(module, "scatter_ratio", lambda *_: ratio)
-    result = checked(plain, shot, None, (), 50)
+    result = with_checked_intervals(plain, shot, None, (), 50)
     assert result.status == status
     assert sentence in (result.warnings or result.notes)[-1]
 

@@ -55,7 +55,7 @@ def stopped(recording, tmp_path_factory):
         patch.setattr(search, "MAX_STEPS", 0)
         outcome = fitted(recording)
     path = tmp_path_factory.mktemp("saved") / "CAL.toml"
-    saving.save(outcome, path)
+    saving.save_fit(outcome, path)
     return outcome, path
 
 
@@ -84,7 +84,7 @@ def test_a_continued_search_has_the_original_priors_and_ends_where_a_single_one_
 
 
 def test_a_converged_search_that_is_continued_stays_where_it_was(recording, whole, tmp_path):
-    saving.save(whole, tmp_path / "CAL.toml")
+    saving.save_fit(whole, tmp_path / "CAL.toml")
     again = fitted(recording, tmp_path / "CAL.toml")
     assert again.converged
     for name, estimate in whole.parameters.items():
@@ -142,7 +142,7 @@ def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
     actuator, request = start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
     reading = Reading((recording,), ambient=101300.0, force=True)
     first = fit_reading(reading, actuator, request)
-    saving.save(first, tmp_path / "CAL.toml")
+    saving.save_fit(first, tmp_path / "CAL.toml")
     actuator, request = start_of(tmp_path / "CAL.toml", None, request)
     again = fit_reading(reading, actuator, request)
     assert again.converged

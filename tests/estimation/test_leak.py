@@ -61,7 +61,7 @@ def test_only_a_model_with_the_energy_balance_has_a_leak(calibrated):
 def test_a_search_that_gets_nowhere_ends_after_its_patience(leaking_log, calibrated, monkeypatch):
     # as if nothing could ever explain the recording: every cost is hopeless
     monkeypatch.setattr(module, "HOPELESS", 0.0)
-    monkeypatch.setattr(module, "PATIENCE", 5)
+    monkeypatch.setattr(module, "_PATIENCE", 5)
     free = FreeParameters(calibrated.actuator.load.names, ("position",))
     search = shoot([leaking_log], calibrated.actuator, free, calibrated.calibration)
     assert search.solution.status == "limit"

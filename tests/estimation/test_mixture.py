@@ -8,8 +8,8 @@ from scipy.stats import multivariate_normal
 
 from clutchid.errors import ParameterError
 from clutchid.estimation.hypotheses import (
-    BAND,
     ERRORS_REPEAT,
+    INTERVAL_SETTINGS,
     Explanation,
     changes,
     errors_in_x,
@@ -90,14 +90,14 @@ def weights_of(densities, hypotheses=HYPOTHESES):
 
 def band_weights(densities):
     """Weights of all hypotheses in the band: part of the evidence, and a change does not make another less probable."""
-    weights = densities**BAND.evidence * np.exp([sum(GROUPS[group] for group in h) for h in ALL])
+    weights = densities**INTERVAL_SETTINGS.evidence * np.exp([sum(GROUPS[group] for group in h) for h in ALL])
     return weights / weights.sum()
 
 
 def missed(problem, mean):
     """Covariance of what the model misses of the load, here of its first weight, as far as the friction has changed."""
     weight, friction = problem.coordinates[0], problem.coordinates[3]
-    share = BAND.missed * np.log(friction.si(mean[3]) / problem.actuator.value("D_v"))
+    share = INTERVAL_SETTINGS.missed * np.log(friction.si(mean[3]) / problem.actuator.value("D_v"))
     size = weight.si(mean[0]) / weight.slope(mean[0])
     return np.diag([(share * size) ** 2, 0.0, 0.0, 0.0])
 
@@ -107,7 +107,7 @@ def least(problem, mean):
     load = problem.actuator_of(mean, "w").load
     y = np.linspace(5e-4, problem.actuator.parameters.y_max, 100)
     phi = load.phi(y)[:, load.names.index("theta_1")] * problem.coordinates[0].slope(mean[0])
-    size = BAND.least * load.force(y).max() * phi.sum() / (phi @ phi)
+    size = INTERVAL_SETTINGS.least * load.force(y).max() * phi.sum() / (phi @ phi)
     return np.diag([size**2, 0.0, 0.0, 0.0])
 
 
@@ -170,7 +170,7 @@ def test_a_mean_where_no_actuator_is_admissible_has_a_covariance(problem):
 
 def test_the_band_gives_an_explanation_that_is_nearly_as_good_its_weight():
     scores = np.array([0.0, -4.0, *[-50.0] * (len(ALL) - 2)])
-    spread = flattened(scores, BAND.evidence)
+    spread = flattened(scores, INTERVAL_SETTINGS.evidence)
     assert spread[1] > 5.0 * softmax(scores)[1]
     assert spread.sum() == pytest.approx(1.0)
 

@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.estimation import shooting as module
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.shooting import MEMORY, SHOOTING, shoot
+from clutchid.estimation.shooting import MODEL_MEMORY, SHOOTING, shoot
 from clutchid.inference.smoother.search import UNLIMITED
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable
@@ -87,7 +87,7 @@ def test_a_narrow_prior_far_from_the_start_value_is_reached(plant, drive_log):
 @pytest.mark.parametrize("measure", [("position",), ("position", "pressure_a")], ids=["position", "both"])
 def test_residuals_have_a_memory_in_every_fit(plant, drive_log, measure, calibration):
     shot = shoot([drive_log.slice(0, 1000)], plant, FreeParameters(("theta_5",), measure), calibration)
-    assert shot.problem.noise.memory == MEMORY
+    assert shot.problem.noise.memory == MODEL_MEMORY
 
 
 def test_the_plan_follows_a_stiffness_above_that_of_the_start(plant, drive_log):

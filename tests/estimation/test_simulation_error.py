@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from clutchid import fit, simulate
 from clutchid.estimation import simulation_error
-from clutchid.estimation.simulation_error import build_problem, linearise, residuals, simulated_states
+from clutchid.estimation.simulation_error import build_problem, linearise_segments, residuals, simulated_states
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.numerics.failure import Failure
@@ -88,7 +88,7 @@ def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recording
     problem, x = problem_of(truth, [drive, cut], None, ("position",))
     x = x * 1.02
     r, J = stacked(problem, x)
-    there = linearise(problem, x)
+    there = linearise_segments(problem, x)
     assert there.count == r.size == 10000 + 2800
     assert there.cost == pytest.approx(0.5 * r @ r, rel=1e-12)
     # orthogonal transformations: n eps of the norms
@@ -105,7 +105,7 @@ def test_a_point_that_cannot_be_simulated_is_an_answer_not_an_exception(truth, d
     problem, x = problem_of(truth, [drive], None, ("position",))
     at = NAMES.index(name)
     x[at] = problem.coordinates[at].of(value)
-    answer = linearise(problem, x)
+    answer = linearise_segments(problem, x)
     assert isinstance(answer, Failure)
     assert sentence in answer.message
 

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 
 from clutchid.errors import DataError, ExportError
-from clutchid.files import atomic_write, digest, opened, small_file, write_frame
+from clutchid.files import atomic_write, digest, opened_file, small_file, write_frame
 from clutchid.log import Log
 from clutchid.measurements import read, write
 
@@ -130,7 +130,7 @@ def test_a_table_whose_columns_only_arrow_reads_has_any_name(tmp_path):
     assert read(tmp_path / f"{NO_TEXT}.parquet")["position"].tolist() == [0.0, 1.0]
 
 
-@pytest.mark.parametrize("open_", [opened, digest, lambda path: small_file(path, "recording", 10)])
+@pytest.mark.parametrize("open_", [opened_file, digest, lambda path: small_file(path, "recording", 10)])
 def test_what_is_not_there_or_no_plain_file_is_one_sentence(tmp_path, open_):
     (tmp_path / "gone").symlink_to(tmp_path / "nowhere.csv")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")

@@ -9,8 +9,8 @@ from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
 from clutchid.fleets.jobs import Fleet, FleetJob, tasks
-from clutchid.fleets.output import rows_of
-from clutchid.fleets.store import StoredResult, store
+from clutchid.fleets.output import recording_rows
+from clutchid.fleets.store import StoredResult, run_store
 from clutchid.verbs.tracking import track
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording
 from clutchid.wear.history import WearReading
@@ -20,11 +20,11 @@ from fixtures.commands import without_workers
 def statuses(tmp_path, status):
     """What becomes of one file under two vehicles that ended with a status."""
     jobs = tuple(FleetJob(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
-    with store(tmp_path / status, {}) as stored:
+    with run_store(tmp_path / status, {}) as stored:
         for job in jobs:
             read = RecordingResult(tmp_path, WearReading(status, "its sentence", "none", None), sha256="same")
             stored.put(StoredResult(job.vehicle, job.recording, "", "", read, 0.0))
-        return [row.read.reading[:2] for row in rows_of(Fleet(tmp_path, jobs, {}), stored)]
+        return [row.read.reading[:2] for row in recording_rows(Fleet(tmp_path, jobs, {}), stored)]
 
 
 def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):
@@ -37,7 +37,7 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     gone, start = tmp_path / "gone.parquet", tmp_path / "cal.toml"
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "gone", "", gone, start),), {})
-    with store(tmp_path / "out", {}) as stored:
+    with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, ReadingOptions(), stored)
         read = read_recording(ReadingOptions(), task.start, gone)
         assert read.reading.status == "bad_input"
@@ -54,7 +54,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
         path.write_text("before")
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
     options = ReadingOptions(channel_map=channels)
-    with store(tmp_path / "out", {}) as stored:
+    with run_store(tmp_path / "out", {}) as stored:
 
         def is_read(options=options, **retry):
             """Whether the recording is read now; then it is done."""
@@ -85,7 +85,7 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     recording.touch()
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
-    with store(tmp_path / "out", {}) as stored:
+    with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, ReadingOptions(), stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
             failed = WearReading("bad_input", "cannot be read.", "none", None)

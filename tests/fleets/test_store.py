@@ -10,7 +10,7 @@ import pytest
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
-from clutchid.fleets.store import StoredResult, store
+from clutchid.fleets.store import StoredResult, run_store
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.verbs.wear_reading import RecordingResult
 from clutchid.wear.history import WearReading
@@ -30,11 +30,11 @@ def kept(name, vehicle="V1", status="ok"):
 
 
 def test_a_result_comes_back_as_it_was(tmp_path):
-    with store(tmp_path / "out", ABOUT) as stored:
+    with run_store(tmp_path / "out", ABOUT) as stored:
         stored.put(kept("r2"))
         stored.put(kept("r1", "V2"))
         stored.put(kept("r1"))
-    with store(tmp_path / "out", ABOUT) as stored:
+    with run_store(tmp_path / "out", ABOUT) as stored:
         rows = list(stored.results())
         assert stored.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
     assert [(k.vehicle, k.recording) for k in rows] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
@@ -52,7 +52,7 @@ def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
     (tmp_path / "mine" / "letter.txt").write_text("dear")
     refused(tmp_path / "mine", "is not empty and has no run of a fleet")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
-    with store(tmp_path / "out", ABOUT) as stored:
+    with run_store(tmp_path / "out", ABOUT) as stored:
         stored.put(kept("r1"))
     words = "has a run whose verb is fit, not track; name another folder"
     refused(tmp_path / "out", words, {**ABOUT, "verb": "track"})
@@ -60,14 +60,14 @@ def test_a_folder_of_something_else_is_refused_unchanged(tmp_path):
 
 @pytest.mark.slow
 def test_only_one_run_at_a_time_works_in_a_folder(tmp_path):
-    with store(tmp_path, ABOUT):
+    with run_store(tmp_path, ABOUT):
         refused(tmp_path, "another run is going on in this folder")
 
 
 @pytest.mark.slow
 def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with store(tmp_path, ABOUT) as stored:
+    with run_store(tmp_path, ABOUT) as stored:
         stored.put(kept("first"))
 
     def fill(stored, count):
@@ -77,15 +77,15 @@ def test_a_full_disk_is_a_sentence_and_what_was_written_before_is_whole(tmp_path
 
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
-        with pytest.raises(ExportError, match="Make room on the disk"), store(tmp_path, ABOUT) as stored:
+        with pytest.raises(ExportError, match="Make room on the disk"), run_store(tmp_path, ABOUT) as stored:
             fill(stored, 2000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    with store(tmp_path, ABOUT) as stored:
+    with run_store(tmp_path, ABOUT) as stored:
         names = [k.recording for k in stored.results()]
         assert "first" in names
         fill(stored, 50)
-    with store(tmp_path, ABOUT) as stored:
+    with run_store(tmp_path, ABOUT) as stored:
         assert {*names, *(f"r{k}" for k in range(50))} == {k.recording for k in stored.results()}
 
 
@@ -99,16 +99,16 @@ def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
 
 
 def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
-    with store(tmp_path, ABOUT):
+    with run_store(tmp_path, ABOUT):
         pass
-    with store(tmp_path, {**ABOUT, "verb": "track"}) as stored:
+    with run_store(tmp_path, {**ABOUT, "verb": "track"}) as stored:
         stored.put(kept("r1"))
     refused(tmp_path, "has a run whose verb is track, not fit")
 
 
 def refused(folder, words, about=ABOUT):
     """A store that cannot be opened, with the sentence."""
-    with pytest.raises(ExportError, match=words), store(folder, about):
+    with pytest.raises(ExportError, match=words), run_store(folder, about):
         pass
 
 
@@ -122,7 +122,7 @@ def edited(path, *statements):
 
 def filled(folder, count=60):
     """The file of a run with results, and these by recording, as text."""
-    with store(folder, ABOUT) as stored:
+    with run_store(folder, ABOUT) as stored:
         for k in range(count):
             stored.put(kept(f"r{k:02d}", f"V{k % 3}"))
         results = {k.recording: repr(k) for k in stored.results()}
@@ -131,14 +131,14 @@ def filled(folder, count=60):
 
 def resumed(folder, before):
     """Recordings that are to be read again after a damage; all others are as they were, and then all are again."""
-    with store(folder, ABOUT) as stored:
+    with run_store(folder, ABOUT) as stored:
         left = {k.recording: repr(k) for k in stored.results()}
         assert {name for _, name in stored.keys()} == left.keys()  # noqa: SIM118
         assert left.items() <= before.items()
         lost = before.keys() - left.keys()
         for name in lost:
             stored.put(kept(name, f"V{int(name[1:]) % 3}"))
-    with store(folder, ABOUT) as stored:
+    with run_store(folder, ABOUT) as stored:
         assert {k.recording: repr(k) for k in stored.results()} == before
     return lost
 

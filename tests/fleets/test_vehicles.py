@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.fleets.jobs import Fleet, FleetJob, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
-from clutchid.fleets.store import StoredResult, store
+from clutchid.fleets.store import StoredResult, run_store
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import LifeLimits, track, write_tracked
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, read_recording
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
-    with store(out, {}) as stored:
+    with run_store(out, {}) as stored:
         for job in fleet.jobs:
             stored.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
         write_results(fleet, stored, out)

@@ -16,7 +16,7 @@ import numpy as np
 
 from clutchid import Fit
 from clutchid.estimation.checks import profile_interval
-from clutchid.estimation.fit import METHODS
+from clutchid.estimation.fit import FIT_METHODS
 from clutchid.estimation.method import Method, SearchResult
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import LinearisedProblem, condense
@@ -78,7 +78,7 @@ class Recorder:
 
     def methods(self) -> dict[str, Method]:
         """The methods by name."""
-        return {name: self._recorded(method) for name, method in METHODS.items()}
+        return {name: self._recorded(method) for name, method in FIT_METHODS.items()}
 
     def drive(self, name: str, kind: Vehicle, **options: Any) -> Drive:
         """A drive in a closed loop, whose duty cycles are recorded."""
@@ -129,7 +129,7 @@ class Replay:
 
     def methods(self) -> dict[str, Method]:
         """The methods by name."""
-        return {name: self._replayed(method) for name, method in METHODS.items()}
+        return {name: self._replayed(method) for name, method in FIT_METHODS.items()}
 
     def drive(self, name: str, kind: Vehicle, **options: Any) -> Drive:
         """A drive with the kept duty cycles."""

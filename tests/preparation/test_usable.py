@@ -6,7 +6,7 @@ import pytest
 from clutchid import fit
 from clutchid.errors import DataError
 from clutchid.preparation.inspection import inspect
-from clutchid.preparation.prepare import usable
+from clutchid.preparation.prepare import with_usable_samples
 from clutchid.simulation import simulate
 
 SENTENCE = "position: 2 samples beyond the stops, the first at 0.700 s (65.53 mm): they count as missing."
@@ -24,11 +24,11 @@ def zeroed_anew(drive_log):
 
 
 def test_what_is_no_value_is_missing_once_and_good_recordings_are_as_they_were(plant, drive_log, spiked):
-    (good, bad) = usable([drive_log, spiked], plant)
+    (good, bad) = with_usable_samples([drive_log, spiked], plant)
     assert good is drive_log
     assert np.flatnonzero(np.isnan(bad["position"])).tolist() == [700, 900]
     assert bad.warnings == (f"log: {SENTENCE}",)
-    (again,) = usable([bad], plant)
+    (again,) = with_usable_samples([bad], plant)
     assert again is bad
 
 
@@ -51,7 +51,7 @@ def test_a_fit_says_it_and_its_errors_are_those_without_the_samples(plant, spike
 def test_a_position_with_two_zeros_is_refused_with_what_to_do(plant, drive_log, zeroed_anew):
     words = "jumps at 3.000 s and stays, .* cut the recording there, and read its parts one by one"
     with pytest.raises(DataError, match=words):
-        usable([drive_log, zeroed_anew], plant)
+        with_usable_samples([drive_log, zeroed_anew], plant)
     with pytest.raises(DataError, match=words):
         fit(zeroed_anew, plant)
     (check,) = [check for check in inspect(zeroed_anew, plant).checks if check.name == "values of position"]

@@ -6,7 +6,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, Log
 from clutchid.simulation import Partition, simulate
-from clutchid.simulation.inputs import LONG, input_span, with_inputs
+from clutchid.simulation.inputs import LONG_END, input_span, with_inputs
 from fixtures.changed_logs import spoiled
 
 FIRST, LAST = 3, 5
@@ -78,7 +78,7 @@ def test_a_recording_in_motion_at_its_first_sample_with_inputs_does_not_start_ve
 
 
 def test_half_a_second_without_inputs_at_an_end_is_said(truth, drive):
-    samples = round(LONG / 1e-3)
+    samples = round(LONG_END / 1e-3)
     (warning,) = simulate(
         truth, without(drive, duty_supply=slice(samples), duty_exhaust=slice(-samples, None))
     ).warnings

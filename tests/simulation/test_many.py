@@ -86,7 +86,7 @@ def test_a_recording_is_planned_once_for_all_actuators_that_prepare_it_alike(mon
         simulate_many(actuators, log)
         assert_as_simulated(simulate_many(actuators, log), actuators, [log] * len(actuators))
     assert len(planned) == 2
-    monkeypatch.setattr("clutchid.simulation.simulation.LONGEST", len(log) - 1)
+    monkeypatch.setattr("clutchid.simulation.simulation._LONGEST", len(log) - 1)
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     simulate(actuator, replace(log, name="longer than any that keeps its plan"))
     assert len(planned) == 4

@@ -9,7 +9,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.simulation import Partition
 from clutchid.simulation.inputs import carrier_clock
-from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST, Segment, outside_stroke, plan
+from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST_STRETCH, Segment, outside_stroke, plan
 from fixtures.changed_logs import spoiled
 
 N = 1000
@@ -64,7 +64,7 @@ def test_samples_of_a_period_and_longer_see_no_carrier():
     assert not switched(np.arange(N) * 1e-3, 0.0).inputs[:, [PHASE, PART]].any()
 
 
-@pytest.mark.parametrize(("samples", "counts"), [(SHORTEST - 1, False), (SHORTEST, True)])
+@pytest.mark.parametrize(("samples", "counts"), [(SHORTEST_STRETCH - 1, False), (SHORTEST_STRETCH, True)])
 def test_a_stretch_between_holes_counts_from_ten_samples_on(truth, samples, counts):
     log = spoiled(shut(100, position=np.zeros(100)), "duty_supply", [50, 51 + samples])
     starts = [segment.start for segment in plan(log, truth, RATE).segments]

@@ -6,7 +6,7 @@ import pytest
 import clutchid
 from clutchid.log import INPUTS, Log
 from clutchid.measurements import read, write
-from clutchid.strokes import cut, joined
+from clutchid.strokes import joined, sections_of
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def log():
 
 
 def test_sections_keep_the_edges_between_their_samples(log):
-    sections = list(cut(log))
+    sections = list(sections_of(log))
     assert len(sections) > 3
     for section in sections:
         part = section.log
@@ -34,7 +34,7 @@ def test_sections_keep_the_edges_between_their_samples(log):
 
 def test_sections_do_not_depend_on_the_pieces_that_arrive(log):
     pieces = [log.slice(start, min(start + 777, len(log))) for start in range(0, len(log), 777)]
-    for first, other in zip(cut(log), cut(pieces), strict=True):
+    for first, other in zip(sections_of(log), sections_of(pieces), strict=True):
         assert first.log.edges.keys() == other.log.edges.keys()
         for name, edges in first.log.edges.items():
             assert all(np.array_equal(a, b) for a, b in zip(edges, other.log.edges[name], strict=True))
@@ -42,7 +42,7 @@ def test_sections_do_not_depend_on_the_pieces_that_arrive(log):
 
 def test_joined_sections_simulate_as_the_recording_they_were_cut_from(log, tmp_path):
     actuator = clutchid.Actuator()
-    sections = list(cut(log))
+    sections = list(sections_of(log))
     together = joined(sections)
     write(together, tmp_path / "together.parquet")
     again = read(tmp_path / "together.parquet")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.estimation.assess.missing_excitation import missing
-from clutchid.estimation.simulation_error import build_problem, linearise
+from clutchid.estimation.assess.missing_excitation import missing_excitation
+from clutchid.estimation.simulation_error import build_problem, linearise_segments
 from clutchid.inference.uncertainty.gaussian import Information
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
@@ -16,7 +16,7 @@ from clutchid.parameters import Parameters
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.plan import plan
 from clutchid.simulation.stiffness import stiffness
-from clutchid.strokes.excitation import SLOW_WINDOW, excitation, joined, region_of, vented_rests
+from clutchid.strokes.excitation import SLOW_WINDOW, excitation, joint_excitation, region_of, vented_rests
 from clutchid.strokes.sampled import velocity
 
 #: 1 s rest, up in 0.1 s to 22 mm, 1 s there, to 10 mm in 0.5 s, 1 s there, back in 0.4 s, 1 s rest.
@@ -33,7 +33,7 @@ def information(actuator: Actuator, log: Log, names: tuple[str, ...]) -> Informa
     """From the Jacobian, as a fit makes it."""
     prepared = plan(log, actuator, stiffness(actuator))
     problem, x = build_problem(actuator, [prepared], names, ("position",), dict.fromkeys(names, (-np.inf, np.inf)))
-    answer = linearise(replace(problem, noise=Noise(measured={"position": 1e-4})), x)
+    answer = linearise_segments(replace(problem, noise=Noise(measured={"position": 1e-4})), x)
     assert isinstance(answer, Linearisation)
     return Information(tuple(names), answer.R[:, : len(names)])
 
@@ -100,13 +100,13 @@ def test_a_vibration_is_a_rest_and_the_slowest_ramp_of_the_protocol_is_not():
 def test_several_recordings_count_together():
     excited = excitation(course(duty_supply=np.full(5000, 0.05)))
     short = excitation(course().slice(0, 1020))
-    both = joined([excited, short])
+    both = joint_excitation([excited, short])
     assert (both.recordings, both.vented_rests) == (2, 3)
     assert both.reach == excited.reach
     assert both.highest_supply == 0.05
     assert both.regions[0].opening == 2
     with pytest.raises(DataError, match="at least one"):
-        joined([])
+        joint_excitation([])
 
 
 def test_a_recording_without_positions_is_refused():
@@ -117,7 +117,7 @@ def test_a_recording_without_positions_is_refused():
 def test_a_recording_with_everything_misses_nothing(truth, driven):
     names = truth.load.names
     log = driven(reach=0.022)
-    assert missing(excitation(log, truth.parameters), truth, information(truth, log, names)) == []
+    assert missing_excitation(excitation(log, truth.parameters), truth, information(truth, log, names)) == []
 
 
 def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, driven):
@@ -126,7 +126,7 @@ def test_a_short_reach_is_reported_with_the_correlation_that_it_causes(truth, dr
     words = (
         f"this log reaches {excited.reach * 1e3:.1f} mm; the correlation of theta_2 and theta_3 is -0.99: reach 11.5 mm"
     )
-    assert missing(excited, truth, information(truth, log, truth.load.names))[0].startswith(words)
+    assert missing_excitation(excited, truth, information(truth, log, truth.load.names))[0].startswith(words)
 
 
 def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_agree_in_number(driven):
@@ -138,13 +138,13 @@ def test_load_weights_beyond_the_reach_are_reported_together_in_sentences_that_a
         "and theta_22, which act from",
         "reach 25.0 mm or more",
     ):
-        assert words in missing(excitation(log), actuator, R)[0]
-    two = joined([excitation(log), excitation(log)])
-    assert missing(two, actuator, R)[0].startswith("these 2 logs reach ")
-    assert " and contain no information about theta_1" in missing(two, actuator, R)[0]
-    assert " and contain no information about the load beyond" in missing(two, actuator)[0]
+        assert words in missing_excitation(excitation(log), actuator, R)[0]
+    two = joint_excitation([excitation(log), excitation(log)])
+    assert missing_excitation(two, actuator, R)[0].startswith("these 2 logs reach ")
+    assert " and contain no information about theta_1" in missing_excitation(two, actuator, R)[0]
+    assert " and contain no information about the load beyond" in missing_excitation(two, actuator)[0]
     last = actuator.load.names[-1:]
-    (alone, *_) = missing(excitation(log), actuator, Information(last, R.columns(last)))
+    (alone, *_) = missing_excitation(excitation(log), actuator, Information(last, R.columns(last)))
     assert f" and contains no information about {last[0]}, which acts from " in alone
 
 
@@ -152,7 +152,7 @@ def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
     t = np.arange(0.0, 5.0, 1e-3)
     excited = excitation(course(duty_supply=0.4 * (t > 1.0) * (t < 1.1), duty_exhaust=np.ones(5000)))
     nothing = Information(("C_vs", "C_ve", "K_stop"), np.zeros((3, 3)))
-    sentences = missing(excited, Actuator(), nothing)
+    sentences = missing_excitation(excited, Actuator(), nothing)
     assert sentences == [
         "this log contains no information about C_vs: duty_supply never exceeds 0.40, but the valve is fully open from "
         "0.93 on; open it further.",
@@ -163,7 +163,9 @@ def test_a_valve_that_is_never_fully_open_is_the_reason_for_its_silence():
 
 def test_one_direction_only_and_a_missing_rest_are_reported():
     t = np.arange(0.0, 1.0, 1e-3)
-    sentences = missing(excitation(Log(t, {"position": np.interp(t, [0.0, 1.0], [0.004, 0.022])})), Actuator())
+    sentences = missing_excitation(
+        excitation(Log(t, {"position": np.interp(t, [0.0, 1.0], [0.004, 0.022])})), Actuator()
+    )
     assert len(sentences) == 6
     assert sentences[0] == (
         "this log passes 5 to 8 mm 1 time, only while opening: friction and load cannot be separated there; pass it "

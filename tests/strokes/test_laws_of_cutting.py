@@ -8,9 +8,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from clutchid.log import HOLE, INPUTS, Log
-from clutchid.strokes import choose, cut, joined
+from clutchid.strokes import choose, joined, sections_of
 from clutchid.strokes.borders import LEAD
-from clutchid.strokes.rest_level import BAND
+from clutchid.strokes.rest_level import REST_BAND
 from clutchid.strokes.stroke import NO_STROKES, count_strokes
 
 
@@ -28,7 +28,7 @@ def same(first, second):
 
 @pytest.fixture(scope="module")
 def whole(minutes):
-    return list(cut(minutes))
+    return list(sections_of(minutes))
 
 
 @settings(max_examples=15)
@@ -36,12 +36,12 @@ def whole(minutes):
 def test_pieces_are_cut_as_the_whole_whatever_their_borders(minutes, whole, borders):
     edges = [0, *sorted(min(border, len(minutes)) for border in borders), len(minutes)]
     pieces = (minutes.slice(a, b) for a, b in pairwise(edges))
-    assert same(list(cut(pieces)), whole)
+    assert same(list(sections_of(pieces)), whole)
 
 
 def test_pieces_of_one_sample_are_cut_as_the_whole(minutes):
     part = minutes.slice(0, 5000)
-    assert same(list(cut(part.slice(i, i + 1) for i in range(5000))), list(cut(part)))
+    assert same(list(sections_of(part.slice(i, i + 1) for i in range(5000))), list(sections_of(part)))
 
 
 REACH = 0.022
@@ -68,13 +68,13 @@ def test_every_stroke_that_is_counted_is_whole_in_one_section_of_motion(made, mo
     log = made(corners, zero=zero)
     _, ends = count_strokes(NO_STROKES, log.time, log["position"] - zero)
     in_sections = []
-    for section in cut(log):
+    for section in sections_of(log):
         strokes, within = count_strokes(NO_STROKES, section.log.time, section.log["position"] - zero)
         assert section.kind == "stroke" or not within
         assert strokes.began is None, "a stroke goes on in the next section"
         in_sections += [section.first + end for end in within]
         # rests within the band of the lowest are one: the level is their median, and may be that of any of them
-        assert -1e-4 < section.summary.level - zero < BAND * REACH + 1e-4
+        assert -1e-4 < section.summary.level - zero < REST_BAND * REACH + 1e-4
     assert in_sections == ends
 
 
@@ -100,7 +100,7 @@ def recordings(draw):
 @settings(max_examples=60)
 @given(log=recordings())
 def test_sections_are_disjoint_in_order_and_hold_every_sample_with_known_inputs(log):
-    sections = list(cut(log))
+    sections = list(sections_of(log))
     taken = np.concatenate([np.arange(s.first, s.first + len(s)) for s in sections]) if sections else np.zeros(0)
     present = np.isfinite(log["duty_supply"]) & np.isfinite(log["duty_exhaust"])
     assert np.array_equal(taken, np.flatnonzero(present))
@@ -119,7 +119,7 @@ def test_sections_are_disjoint_in_order_and_hold_every_sample_with_known_inputs(
 @settings(max_examples=40)
 @given(log=recordings(), seed=st.integers(0, 1000))
 def test_joined_keeps_every_sample_bit_for_bit_and_every_border_that_is_one(log, seed):
-    sections = list(cut(log))
+    sections = list(sections_of(log))
     rng = np.random.default_rng(seed)
     some = [section for section in sections if rng.uniform() < 0.6] or sections
     if not some:

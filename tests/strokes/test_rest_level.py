@@ -11,10 +11,10 @@ from clutchid.strokes.rest_level import (
     raw_bins,
     relative_to_rest,
     samples_in_bin,
-    updated,
+    updated_levels,
     windows_of,
 )
-from clutchid.strokes.stream import Samples
+from clutchid.strokes.stream import StrokeSamples
 
 WIDTH = 15
 REACH = 22e-3
@@ -28,7 +28,7 @@ def block(reach: float = REACH, zero: float = 0.0, noise: float = 2e-5, seed: in
 
 
 def after(before: RestLevel | None, position: np.ndarray) -> RestLevel:
-    return updated(before, position, np.ones(position.size, dtype=bool), WIDTH, 0.0)
+    return updated_levels(before, position, np.ones(position.size, dtype=bool), WIDTH, 0.0)
 
 
 def test_the_first_block_tells_level_and_reach():
@@ -110,7 +110,7 @@ def test_a_level_that_drifts_within_the_band_is_followed():
 
 def test_a_rest_while_the_supply_is_open_is_no_vented_one():
     position = block(zero=3e-3)
-    level = updated(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
+    level = updated_levels(None, position, np.zeros(position.size, dtype=bool), WIDTH, 0.0)
     assert level.level == position.min()
 
 
@@ -141,10 +141,10 @@ def test_still_means_for_0_15_s_and_three_bins_at_least(seconds, bins):
     assert windows_of(seconds) == bins
 
 
-def samples(position, first: int = 0, **columns) -> Samples:
+def samples(position, first: int = 0, **columns) -> StrokeSamples:
     position = np.array(position, dtype=float)
     time = (first + np.arange(position.size)) * 1e-3
-    return Samples(first, time, {"position": position, **{k: np.array(v, float) for k, v in columns.items()}})
+    return StrokeSamples(first, time, {"position": position, **{k: np.array(v, float) for k, v in columns.items()}})
 
 
 @given(st.lists(st.sampled_from([1.0, 2.0, 4.0, 8.0, 16.0, float("nan")]), min_size=1, max_size=40), st.integers(1, 12))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.strokes import Section, SectionSummary, cut, sections_table
+from clutchid.strokes import Section, SectionSummary, sections_of, sections_table
 
 
 def rest(first: int, n: int, label: str = "vented rest", **values: float) -> Section:
@@ -57,6 +57,6 @@ def test_rests_that_do_not_touch_or_have_another_label_are_lines_of_their_own():
 
 def test_the_table_says_a_dash_where_nothing_is_known():
     log = Log(np.arange(100) * 1e-3, {"position": np.full(100, np.nan)})
-    table = sections_table(cut(log)).splitlines()
+    table = sections_table(sections_of(log)).splitlines()
     assert all(word in table[1] for word in ("no position", "100.0 %", " - "))
     assert all(line == line.rstrip() for line in table)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.strokes import cut
+from clutchid.strokes import sections_of
 from clutchid.truck import drive, truck
 
 EXPECTED = {
@@ -22,7 +22,7 @@ EXPECTED = {
 def test_a_drive_has_the_label_of_its_manoeuvre(manoeuvre, number):
     driven = drive(truck(number), manoeuvre=manoeuvre, seconds=20.0, seed=number, dropouts=5)
     moved = driven.log.with_columns(position=driven.log["position"] - 4e-3)
-    strokes = [section for section in cut(moved) if section.kind == "stroke"]
+    strokes = [section for section in sections_of(moved) if section.kind == "stroke"]
     complete = strokes[:-1]  # the recording ends anywhere
     assert complete
     assert {section.label for section in complete} == {EXPECTED[manoeuvre]}
@@ -31,7 +31,7 @@ def test_a_drive_has_the_label_of_its_manoeuvre(manoeuvre, number):
 @pytest.mark.parametrize("recorder", ["controller", "bus"])
 def test_a_stroke_leaves_the_rest_when_the_supply_opens(recorder):
     driven = drive(truck(2), manoeuvre="strokes", seconds=20.0, seed=3, recorder=recorder)
-    strokes = [section for section in cut(driven.log) if section.kind == "stroke"]
+    strokes = [section for section in sections_of(driven.log) if section.kind == "stroke"]
     opens = np.flatnonzero(np.diff((driven.wanted > 0).astype(int), prepend=0) == 1) * 1e-3
     assert len(strokes) == len(opens)
     for section, wanted in zip(strokes, opens, strict=True):
@@ -44,7 +44,7 @@ def test_a_cylinder_that_cycles_without_a_rest_is_bang_bang(data):
         data("wbident_pneumatic_cylinder/cylinder_1kHz.csv"), delimiter=",", skip_header=1, unpack=True
     )
     log = Log(time, {"position": 1e-3 * position, "pressure_a": pressure})
-    (section,) = cut(log)
+    (section,) = sections_of(log)
     summary = section.summary
     assert section.label == "bang-bang"
     # quantised in steps of 0.204 mm; the README gives 16.7 to 107.8 mm

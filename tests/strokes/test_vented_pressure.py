@@ -9,7 +9,7 @@ from clutchid.log import Log
 from clutchid.measurements.source import UNIT_KEY
 from clutchid.strokes.vented_pressure import (
     ABSOLUTE,
-    OFFSET,
+    OFFSET_PRIOR,
     VENTED_KEY,
     vented_pressure,
     vented_prior,
@@ -126,8 +126,8 @@ def test_a_recording_without_a_needed_column_shows_nothing():
     ("metadata", "prior"),
     [
         ({"ambient_Pa": "101300.0"}, ABSOLUTE[:2]),
-        ({"ambient_Pa": "95000.0", VENTED_KEY: "95000.0"}, (95e3, OFFSET.std)),
-        ({"ambient_Pa": "101300.0", UNIT_KEY: "bar(g)"}, (101300.0, OFFSET.std)),
+        ({"ambient_Pa": "95000.0", VENTED_KEY: "95000.0"}, (95e3, OFFSET_PRIOR.std)),
+        ({"ambient_Pa": "101300.0", UNIT_KEY: "bar(g)"}, (101300.0, OFFSET_PRIOR.std)),
     ],
     ids=["absolute", "--ambient", "gauge"],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
-from clutchid.strokes.vented_rest import FURTHEST, VentedRest, from_rest, merged, rest_shift, vented_rest
+from clutchid.strokes.vented_rest import FURTHEST, VentedRest, from_rest, merged_levels, rest_shift, vented_rest
 from clutchid.truck import drive, truck
 
 
@@ -82,8 +82,8 @@ def test_what_lies_further_than_a_sensor_can_move_is_not_compared():
 
 
 def test_several_recordings_have_one_rest():
-    assert merged([None, None]) is None
-    level = merged([VentedRest(0.0, 1e-4, 1e-5), None, VentedRest(2e-5, np.nan, 2e-5)])
+    assert merged_levels([None, None]) is None
+    level = merged_levels([VentedRest(0.0, 1e-4, 1e-5), None, VentedRest(2e-5, np.nan, 2e-5)])
     assert level == pytest.approx((1e-5, 1e-4, 2e-5))
 
 

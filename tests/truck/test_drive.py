@@ -10,7 +10,7 @@ import pytest
 
 from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, respond, truck, write_truth
-from clutchid.truck.running import Course, run
+from clutchid.truck.running import Course, run_truck
 
 pytestmark = pytest.mark.slow
 
@@ -219,4 +219,4 @@ def test_a_run_that_leaves_the_finite_numbers_says_when():
     extreme = Truck(M=0.1, K_z=1e7, F_C=0.01, D_z=1e4, h_A=1e7)
     nothing = np.zeros(500)
     with pytest.raises(SolveError, match="; its parameters are too extreme"):
-        run(extreme, Course(nothing, np.tile([1.0, 0.0], (500, 1)), nothing))
+        run_truck(extreme, Course(nothing, np.tile([1.0, 0.0], (500, 1)), nothing))

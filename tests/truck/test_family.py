@@ -6,21 +6,21 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import Truck, TruckB, aged, changed, drive, load_curve, respond, truck
-from clutchid.truck.families import FILES, ranges
+from clutchid.truck.families import RANGE_FILES, family_ranges
 
 NUMBERS = [*range(24), *range(1000, 1024)]
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_a_number_is_always_the_same_truck_and_another_number_another(family):
     trucks = [truck(n, family) for n in NUMBERS]
     assert trucks == [truck(n, family) for n in NUMBERS]
     assert len(set(trucks)) == len(NUMBERS)
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_trucks_lie_in_the_ranges_of_their_file_and_all_variants_occur(family):
-    trucks, table = [truck(n, family) for n in NUMBERS], ranges(FILES[family])
+    trucks, table = [truck(n, family) for n in NUMBERS], family_ranges(RANGE_FILES[family])
     for name, (low, high) in table["uniform"].items():
         drawn = np.array([getattr(kind, name) for kind in trucks])
         size = np.abs(drawn) if name == "e_lin" else drawn
@@ -32,7 +32,7 @@ def test_trucks_lie_in_the_ranges_of_their_file_and_all_variants_occur(family):
             assert {getattr(kind, name) for kind in trucks} >= set(values), name
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 @pytest.mark.parametrize("number", NUMBERS[:12])
 def test_every_truck_can_wear_to_the_end_of_its_facing(number, family):
     new = truck(number, family)
@@ -41,7 +41,7 @@ def test_every_truck_can_wear_to_the_end_of_its_facing(number, family):
     assert max(peaks) < 6.5e3
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_a_recording_of_either_family_has_the_columns_of_the_contract(family):
     driven = drive(truck(3, family), seconds=1, seed=1)
     assert list(driven.log.columns) == ["position", "duty_supply", "duty_exhaust", "pressure_a"]
@@ -51,7 +51,7 @@ def test_a_recording_of_either_family_has_the_columns_of_the_contract(family):
     assert {"pressure_a", "pressure_b", "pressure_supply", "position"} <= set(driven.truth.log.columns)
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(family):
     def content(seed: int) -> bytes:
         driven = drive(truck(3, family), seconds=3, seed=seed, wear=1e-3, recorder="bus", dropouts=3)
@@ -78,7 +78,7 @@ def at_rest(t):
     return x, air, response.truth.load(np.array([x["position"]]))[0]
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_the_truth_of_the_load_is_the_load_that_holds_the_plant_at_rest(family):
     new = truck(6, family)
     x, air, load = at_rest(new)
@@ -93,7 +93,7 @@ def test_the_truth_of_the_load_is_the_load_that_holds_the_plant_at_rest(family):
     assert air == pytest.approx(load, abs={"A": 52, "B": 5}[family] + 1.6e4 * abs(x["velocity"]))
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_every_change_changes_what_its_sentence_says(family):
     new = truck(0, family)
     flows, friction = {"A": (("C_s", "C_e"), ("F_C", "c_F")), "B": (("A_s", "A_e"), ("F_C", "F_p"))}[family]
@@ -123,7 +123,7 @@ def test_cold_and_warm_grease_is_thicker_and_thinner_by_the_factor_of_the_change
     assert viscous(other) / viscous(new) == pytest.approx(factor, rel=1e-12)
 
 
-@pytest.mark.parametrize("family", FILES)
+@pytest.mark.parametrize("family", RANGE_FILES)
 def test_a_recording_under_a_change_is_that_of_the_changed_truck(family):
     by_name = drive(truck(1, family), seconds=1, seed=3, change="supply")
     by_hand = drive(changed(truck(1, family), "supply"), seconds=1, seed=3)

@@ -9,7 +9,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.truck import CHANGES, Truck, aged, changed, drive, respond, truck
 from clutchid.truck.families import hybrid_letters
-from clutchid.truck.kinds import kind_of
+from clutchid.truck.kinds import truck_type
 from clutchid.truck.parts import PARTS, parts_of
 from clutchid.truck.parts.flow import AREA
 
@@ -70,7 +70,7 @@ def test_a_nozzle_passes_choked_what_the_conductance_passes_that_it_was_converte
     duty, nothing = np.ones(8), np.zeros(8)
 
     def filled(word: str, **sizes: float) -> float:
-        kind = kind_of(word)(P_S=9e5, C_AB=0.0, C_A0=0.0, **sizes)
+        kind = truck_type(word)(P_S=9e5, C_AB=0.0, C_A0=0.0, **sizes)
         mass = respond(kind, duty, nothing).truth.states
         return float(sum(values[-1] - values[0] for name, values in mass.items() if name in ("mass_a", "mass_dead")))
 

@@ -11,9 +11,9 @@ from clutchid.truck import law
 from clutchid.truck.settings import SAMPLE, TICK
 
 #: The functions as Python's own: a compiled one for the numbers of each test would take longer than they do.
-duty, governor, lagged, lift_rate, magnet, quantised, request, snapped = (
+duty, governor, lag_output, lift_rate, magnet, quantised, request, snapped = (
     getattr(law, name).py_func
-    for name in ("duty", "governor", "lagged", "lift_rate", "magnet", "quantised", "request", "snapped")
+    for name in ("duty", "governor", "lag_output", "lift_rate", "magnet", "quantised", "request", "snapped")
 )
 
 CONTROLLER = (5e-3, 0.012, 0.12e-3, 0.25e-3)
@@ -61,7 +61,7 @@ def test_a_quantised_position_is_a_multiple_within_half_a_quantum(value, quantum
 def test_the_lag_follows_a_ramp_exactly():
     tau, slope, out = 1.5e-3, 0.2, 0.0
     for k in range(100):
-        out = lagged(out, slope * k * TICK, slope * (k + 1) * TICK, tau, TICK)
+        out = lag_output(out, slope * k * TICK, slope * (k + 1) * TICK, tau, TICK)
     t = 100 * TICK
     assert out == pytest.approx(slope * (t - tau * (1 - math.exp(-t / tau))), rel=1e-12)
 

@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.truck import Truck, aged, drive, load_curve, respond
 from clutchid.truck.assembly import at_rest
-from clutchid.truck.law import lagged
+from clutchid.truck.law import lag_output
 from clutchid.truck.load_table import rest_position
 from clutchid.truck.settings import SAMPLE, TICK
 
@@ -66,7 +66,7 @@ def test_each_sensor_has_its_own_lag():
     ):
         out = [true[0]]
         for before, now in pairwise(true):
-            out.append(lagged(out[-1], before, now, tau, SAMPLE))
+            out.append(lag_output(out[-1], before, now, tau, SAMPLE))
         # the sensor is fed tick by tick, the twin with straight lines over a millisecond
         rate = np.abs(np.diff(true)).max() / SAMPLE
         assert np.abs(response.log[name] - out).max() < 2 * TICK * rate

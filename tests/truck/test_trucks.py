@@ -8,7 +8,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, TruckB, aged, truck
 from clutchid.truck.assembly import worn_parameters
-from clutchid.truck.families import ranges
+from clutchid.truck.families import family_ranges
 from fixtures.sentences import one_sentence
 
 NUMBERS = [*range(24), *range(1000, 1024)]
@@ -22,7 +22,7 @@ def test_all_kinds_of_load_drive_and_period_occur():
 
 
 def test_every_name_in_the_file_is_a_number_of_a_truck():
-    table = ranges()
+    table = family_ranges()
     for part in ("uniform", "share"):
         assert set(table[part]) <= set(Truck.names())
     assert isinstance(table["version"], int)

@@ -11,8 +11,8 @@ from clutchid.truck import TruckB, law, respond
 from clutchid.truck.parts.sensor import coloured, coloured_noise, gained_pressure
 from clutchid.truck.settings import SAMPLE, TICK, TICKS
 
-poppet, port, scaled, solenoid, spool = (
-    getattr(law, name).py_func for name in ("poppet", "port", "scaled", "solenoid", "spool")
+poppet, port, sensor_position, solenoid, spool = (
+    getattr(law, name).py_func for name in ("poppet", "port", "sensor_position", "solenoid", "spool")
 )
 
 
@@ -115,7 +115,7 @@ def test_a_latched_duty_waits_for_the_period_and_a_continuous_one_does_not(valve
 
 def test_the_gain_of_the_position_sensor_varies_by_its_share_and_is_right_at_the_rest_and_the_far_end():
     y = np.linspace(-1e-4, 25e-3, 501)
-    shown = np.array([scaled(position, -1e-4, 25.1e-3, 0.008) for position in y])
+    shown = np.array([sensor_position(position, -1e-4, 25.1e-3, 0.008) for position in y])
     gain = np.gradient(shown, y)
     assert gain.max() == pytest.approx(1.008, abs=1e-4)
     assert gain.min() == pytest.approx(0.992, abs=1e-4)

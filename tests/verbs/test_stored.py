@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.measurements.stored import write_column
-from clutchid.verbs.stored import CLOCK, clock_column, plotted
+from clutchid.verbs.stored import TIME_INDEX, clock_column, plotted
 
 SIZE = 400_000
 
@@ -17,7 +17,7 @@ def folder(tmp_path_factory):
     values[123_457] = 9.0
     holed = values.copy()
     holed[1000:2000] = np.nan
-    write_column(made, 0, CLOCK, np.arange(SIZE) / 1e3)
+    write_column(made, 0, TIME_INDEX, np.arange(SIZE) / 1e3)
     write_column(made, 0, 1, values)
     write_column(made, 0, 2, holed)
     return made

@@ -10,7 +10,7 @@ import clutchid
 from clutchid.errors import DataError, ExportError
 from clutchid.truck import aged, truck
 from clutchid.truck.service import visits
-from clutchid.verbs.virtual_fleet import POSITIONS, load_at_positions, write_fleet
+from clutchid.verbs.virtual_fleet import LOAD_POSITIONS, load_at_positions, write_fleet
 from fixtures.commands import backwards, called, without_workers
 
 
@@ -65,7 +65,7 @@ def test_the_truth_is_that_of_the_truck_at_its_wear(plan, folder):
     row, visit = rows(folder / "truth.csv")[3], plan[1][1]
     load = load_at_positions(aged(truck(visit.number), visit.wear, visit.cycles))
     assert float(row["peak [N]"]) == pytest.approx(load.max())
-    half = np.interp(float(row["half_load [mm]"]) * 1e-3, POSITIONS, load)
+    half = np.interp(float(row["half_load [mm]"]) * 1e-3, LOAD_POSITIONS, load)
     assert half == pytest.approx(load.max() / 2, rel=1e-6)
     table = rows(folder / "calibrations" / f"{row['type']}.wear.csv")
     by_wear = np.array([[float(cell) for cell in line.values()] for line in table])

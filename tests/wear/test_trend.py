@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.comparison import SHARES, Measurement
-from clutchid.wear.trend import CHANGES, FALSE_ALARMS, GROWTH, LIFE, REFERENCE, WearTable, smoothed, traced, trend_model
+from clutchid.wear.trend import (
+    CHANGE_OUTCOMES,
+    FALSE_ALARMS,
+    GROWTH,
+    LIFE,
+    REFERENCE,
+    WearTable,
+    smoothed_states,
+    traced,
+    trend_model,
+)
 
 STRIDE, STD = 7000.0, (0.03e-3, 0.012)
 MODEL = trend_model(LIFE["strokes"])
@@ -52,7 +62,7 @@ def test_the_trend_of_its_own_clutches_is_covered_and_smoothing_sharpens_it():
     for _ in range(120):
         true, measured = clutch(random, 30, temperature=True)
         steps = steps_of(STRIDE * np.arange(30), measured)
-        later = smoothed(steps)
+        later = smoothed_states(steps)
         for k in (9, 29):
             std = np.sqrt(np.diag(steps[k].covariance))
             inside.append(np.abs(steps[k].mean - true[k]) <= 1.96 * std)
@@ -97,7 +107,7 @@ def test_filter_and_smoother_are_batch_least_squares():
         total, number = total + steps[k].deviance, number + 2
         scale = (10.0 + total) / (10.0 + number)
     solution = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0].reshape(6, n)
-    values = np.array([mean for mean, _ in smoothed(steps)])
+    values = np.array([mean for mean, _ in smoothed_states(steps)])
     std = np.sqrt(np.diag(prior))
     assert values / std == pytest.approx(solution / std, abs=1e-5)
 
@@ -111,7 +121,7 @@ def test_a_replaced_clutch_is_found_within_two_recordings():
             for k, reading in enumerate(measured)
         ]
         steps = steps_of(STRIDE * np.arange(20), jumped)
-        count += any(step.outcome in CHANGES for step in steps[12:14])
+        count += any(step.outcome in CHANGE_OUTCOMES for step in steps[12:14])
     assert count >= 57
 
 
@@ -121,7 +131,7 @@ def test_false_alarms_are_as_rare_as_chosen():
         _, measured = clutch(random, 40, temperature=True)
         outcomes = [step.outcome for step in steps_of(STRIDE * np.arange(40), measured)]
         alarms, outliers, count = (
-            alarms + sum(map(outcomes.count, CHANGES)),
+            alarms + sum(map(outcomes.count, CHANGE_OUTCOMES)),
             outliers + outcomes.count("left out"),
             count + 40,
         )

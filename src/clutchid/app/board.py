@@ -15,8 +15,8 @@ from clutchid.app import records
 from clutchid.app.jobs import Job
 from clutchid.app.records import content
 
-Item = Job | records.Item
-Kind = TypeVar("Kind", bound=Item)
+_Item = Job | records.Item
+_Kind = TypeVar("_Kind", bound=_Item)
 
 
 class BoardChange(NamedTuple):
@@ -24,7 +24,7 @@ class BoardChange(NamedTuple):
 
     number: int
     id: str
-    item: Item | None
+    item: _Item | None
 
     def content(self) -> dict[str, Any]:
         """The JSON object that the page gets."""
@@ -40,7 +40,7 @@ class Board:
         self._number = 0
         self._changed = asyncio.Event()
 
-    def put(self, item: Item) -> None:
+    def put(self, item: _Item) -> None:
         """Set a record."""
         self._change(item.id, item)
 
@@ -48,7 +48,7 @@ class Board:
         """Remove a record."""
         self._change(id_, None)
 
-    def _change(self, id_: str, item: Item | None) -> None:
+    def _change(self, id_: str, item: _Item | None) -> None:
         self._number += 1
         self._newest[id_] = BoardChange(self._number, id_, item)
         self._changed.set()
@@ -59,17 +59,17 @@ class Board:
         if (item := self.item(id_)) is not None:
             self.put(replace(item, **values))
 
-    def item(self, id_: str) -> Item | None:
+    def item(self, id_: str) -> _Item | None:
         """A record, or None."""
         change = self._newest.get(id_)
         return None if change is None else change.item
 
-    def get(self, kind: type[Kind], id_: str) -> Kind | None:
+    def get(self, kind: type[_Kind], id_: str) -> _Kind | None:
         """A record of this kind, or None."""
         item = self.item(id_)
         return item if isinstance(item, kind) else None
 
-    def all(self, kind: type[Kind]) -> list[Kind]:
+    def all(self, kind: type[_Kind]) -> list[_Kind]:
         """All records of a kind, in the order of their creation."""
         return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
 

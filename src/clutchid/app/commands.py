@@ -11,7 +11,7 @@ from clutchid.errors import ParameterError
 from clutchid.files.records import read
 from clutchid.names import unknown_names
 from clutchid.verbs.commands import FitCommand, typed
-from clutchid.verbs.options import USUAL, ReadingText, RequestText, pressure
+from clutchid.verbs.options import USUAL, ReadingText, RequestText, pressure_option
 
 #: Defaults of a fit on the page by verb: those of the commands of the same name.
 VERBS = {
@@ -21,7 +21,7 @@ VERBS = {
 }
 
 #: Methods of a fit; an empty text leaves the choice to it.
-METHODS = ("", "simulation", "shooting", "prediction-error")
+METHOD_CHOICES = ("", "simulation", "shooting", "prediction-error")
 
 #: Options of a fit that the page has; a model of one's own is a file that would be executed.
 _SEARCH = ("measure", "free", "method", "zero", "bounds", "prior")
@@ -46,7 +46,7 @@ def fit_command(
     force, ambient = bool(stated.pop("force", False)), stated.pop("ambient", None)
     search = read(RequestText, stated, "options")
     search.request(verb)
-    pressure(None if ambient is None else read(str, ambient, "options ambient"))
+    pressure_option(None if ambient is None else read(str, ambient, "options ambient"))
     return FitCommand(
         verb=verb, logs=_names(files), verify=_names(verify), start=None if start is None else Path(start),
         search=search, files=ReadingText(ambient=ambient, map=_map_of([*files, *verify])), force=force,

@@ -32,7 +32,7 @@ _START = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from clutchid
 #: Jobs of these kinds wait for one of the same lane; reading a file need not wait for a fit.
 Lane = Literal["files", "fits"]
 
-Status = Literal["waiting", "running", "done", "failed", "cancelled"]
+_Status = Literal["waiting", "running", "done", "failed", "cancelled"]
 
 
 @dataclass(slots=True, eq=False)
@@ -45,7 +45,7 @@ class Job:
     task: Task = field(metadata=PRIVATE)
     about: str
     do: str
-    status: Status = "waiting"
+    status: _Status = "waiting"
     stage: str = ""
     share: float | None = None
     words: str = ""

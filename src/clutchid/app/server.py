@@ -23,12 +23,12 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from clutchid.app.commands import METHODS, VERBS
+from clutchid.app.commands import METHOD_CHOICES, VERBS
 from clutchid.app.folder import end_folder, new_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
 from clutchid.app.session import Session
-from clutchid.app.uploads import allowed_path, check_size, folder_listing, is_opened, is_table, receive
+from clutchid.app.uploads import allowed_path, folder_listing, is_opened, is_table, receive_upload, upload_size
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read, toml_of
@@ -43,7 +43,7 @@ from clutchid.version import installed_version
 _STATIC = Path(__file__).parent / "static"
 
 #: Time in s after which an event stream says that it is alive.
-PATIENCE = 15.0
+_PATIENCE = 15.0
 
 #: Largest body of a request that is not an upload, in bytes.
 _LARGEST_BODY = 1 << 20
@@ -119,8 +119,8 @@ async def _about(session: Session, _request: Request) -> Response:
     """Facts that are constant while the server runs: units, quantities, verbs."""
     units = {name: asdict(unit) for name, unit in UNITS.items()}
     return JSONResponse({
-        "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
-        "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHODS,
+        "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
     })  # fmt: skip
 
 
@@ -131,7 +131,7 @@ async def _events(session: Session, request: Request) -> Response:
 
     async def stream() -> AsyncIterator[str]:
         yield "retry: 500\n\n"
-        async for changes in session.board.follow(number, PATIENCE):
+        async for changes in session.board.follow(number, _PATIENCE):
             for change in changes:
                 data = json.dumps(change.content(), allow_nan=False)
                 yield f"id: {change.number}\ndata: {data}\n\n"
@@ -162,10 +162,10 @@ async def _upload_calibration(session: Session, request: Request) -> Response:
 async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
     """The body of the request as a file with its id, without a second copy."""
     name = request.query_params.get("name", "")
-    size = check_size(name, request.headers.get("content-length"), session.folder)
+    size = upload_size(name, request.headers.get("content-length"), session.folder)
     id_, path = session.upload_path(name, kind, beside)
     path.unlink(missing_ok=True)  # the same file once more
-    await receive(request.stream(), path, size)
+    await receive_upload(request.stream(), path, size)
     return id_, path
 
 

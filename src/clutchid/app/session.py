@@ -20,7 +20,7 @@ from clutchid.app.uploads import safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import replace
-from clutchid.verbs.options import pressure
+from clutchid.verbs.options import pressure_option
 
 
 class Session:
@@ -70,7 +70,7 @@ class Session:
         from clutchid.verbs.looking import read_map
 
         recording = self._recording(id_)
-        pressure(ambient or None)
+        pressure_option(ambient or None)
         file = self.folder / "maps" / id_ / "map.toml"
         file.parent.mkdir(parents=True, exist_ok=True)
         tried = file.with_name("tried.toml")

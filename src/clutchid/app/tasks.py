@@ -22,9 +22,9 @@ from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.numerics.progress import Step
 from clutchid.verbs import saving
 from clutchid.verbs.looking import is_map
-from clutchid.verbs.next_step import fit_document
+from clutchid.verbs.next_step import document_with_next_step
 from clutchid.verbs.observing import observed
-from clutchid.verbs.options import pressure
+from clutchid.verbs.options import pressure_option
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
 from clutchid.verbs.reading import Reading, RecordingFile
 from clutchid.verbs.start import calibration_file, read_calibration
@@ -54,7 +54,7 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
     if not task.copied:
         copied(task.file.path, task.folder, shown)
     when_compiling(lambda _: events.progress("compiling", 0.9, "compiling the model, once per machine"))
-    recording = stored_recording(task.folder, task.file.map, pressure(task.ambient or None))
+    recording = stored_recording(task.folder, task.file.map, pressure_option(task.ambient or None))
     about = {
         "ambient": recording.shown_ambient,
         "plots": recording.grids,
@@ -85,7 +85,7 @@ def cut(task: records.Cut, events: Events) -> dict[str, Any]:
         If none of the chosen strokes is there any more.
     """
     events.progress("cutting", None, "cutting")
-    recording = stored_recording(task.source, task.map, pressure(task.look.ambient or None))
+    recording = stored_recording(task.source, task.map, pressure_option(task.look.ambient or None))
     recording.cut(task.begins, task.look.file.path)
     return look(task.look, events)
 
@@ -124,11 +124,11 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
         try:
             if name.endswith(".html"):
-                write_page(fit_document(result, task.asked), folder / name)
+                write_page(document_with_next_step(result, task.asked), folder / name)
             elif name.endswith(".m"):
-                saving.save(result, folder / name, task.name)
+                saving.save_fit(result, folder / name, task.name)
             else:
-                saving.save(result, folder / name)
+                saving.save_fit(result, folder / name)
             files.append(name)
         except ClutchidError as error:
             failures.append(f"{name}: {error}")
@@ -141,7 +141,7 @@ def _shown(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     file = Path(records.download_name(task.name, "fit.toml"))
     asked = replace(task.asked, save=(file,), report=file.with_suffix(".html"))
     return {
-        **application_data(result, fit_document(result, asked)),
+        **application_data(result, document_with_next_step(result, asked)),
         "recordings": _residuals(result, task.folder / "columns"),
         "files": [],
         "failures": [],
@@ -229,12 +229,12 @@ def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
     Raises
     ------
     DataError
-        As `clutchid.fleets.opened.opened`.
+        As `clutchid.fleets.opened.opened_results`.
     """
     from clutchid.fleets import opened  # half a second of imports, which other jobs need not wait for
 
     events.progress("reading", None, "reading")
-    return opened.opened(task.path, task.below, task.vehicle)
+    return opened.opened_results(task.path, task.below, task.vehicle)
 
 
 #: Columns of an observed recording that are plotted.

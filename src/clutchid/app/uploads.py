@@ -15,7 +15,7 @@ from clutchid.systems import is_device
 from clutchid.verbs.reading import by_suffix, split_name
 
 #: Largest upload in bytes; a larger file is opened by its path.
-LARGEST = 4 << 30
+LARGEST_UPLOAD = 4 << 30
 
 #: Bytes that stay free on the disk: the columns of a recording take about as much as its file.
 SPARE = 1 << 30
@@ -27,7 +27,7 @@ _LONGEST = 120
 _BESIDE = (".dbc", ".toml")
 
 #: Suffixes of results of a track or a fleet.
-TABLES = (".parquet", ".csv", ".json")
+_TABLES = (".parquet", ".csv", ".json")
 
 #: Most entries of a folder that are listed.
 _MOST_ENTRIES = 2000
@@ -51,7 +51,7 @@ def safe_name(text: str) -> str:
     return f"_{name}" if is_device(name) else name or "file"
 
 
-def check_size(name: str, length: str | None, folder: Path) -> int:
+def upload_size(name: str, length: str | None, folder: Path) -> int:
     """The size of an upload in bytes, before it is sent.
 
     Raises
@@ -63,10 +63,10 @@ def check_size(name: str, length: str | None, folder: Path) -> int:
     if length is None or not length.isdigit():
         raise DataError(f"{shown}: its size is not known before it is sent; open it by its path.")
     size = int(length)
-    if size > LARGEST:
+    if size > LARGEST_UPLOAD:
         raise DataError(
-            f"{shown}: has {size / 1e9:.3g} GB, at most {LARGEST / 1e9:.3g} GB are sent to the page; open it by its "
-            "path, which copies nothing."
+            f"{shown}: has {size / 1e9:.3g} GB, at most {LARGEST_UPLOAD / 1e9:.3g} GB are sent to the page; open it by "
+            "its path, which copies nothing."
         )
     free = free_bytes(folder)
     if 2 * size + SPARE > free:
@@ -77,7 +77,7 @@ def check_size(name: str, length: str | None, folder: Path) -> int:
     return size
 
 
-async def receive(chunks: AsyncGenerator[bytes, None], path: Path, size: int) -> None:
+async def receive_upload(chunks: AsyncGenerator[bytes, None], path: Path, size: int) -> None:
     """Write an upload to a new file, which is removed if the upload breaks off or has another size.
 
     Raises
@@ -135,7 +135,7 @@ def is_opened(name: str) -> bool:
 
 def is_table(name: str) -> bool:
     """Whether a file has the name of a result of a track or a fleet."""
-    return Path(name).suffix.lower() in TABLES
+    return Path(name).suffix.lower() in _TABLES
 
 
 def folder_listing(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:

@@ -64,10 +64,10 @@ def main() -> None:
     except EOFError:
         return
     threading.Thread(target=_end_with_server, daemon=True).start()
-    run(task, tasks.TASKS[type(task)], events)
+    do_task(task, tasks.TASKS[type(task)], events)
 
 
-def run(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None:
+def do_task(task: Task, work: Callable[..., dict[str, Any]], events: Events) -> None:
     """Do one task, and report its result or its failure."""
     try:
         events.say("done", result=work(task, events))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ParamSpec, TextIO
 
 from cyclopts import Group, Parameter
 
-from clutchid.documents.console import OutputLost, print_rows, printable_lines, put, say, sentences
+from clutchid.documents.console import OutputLost, print_rows, printable_lines, put, say, wrapped_sentences
 from clutchid.documents.json_text import json_text
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
@@ -100,7 +100,7 @@ def complain(message: str, *, as_json: bool, status: str) -> int:
     if as_json:
         print_json({"status": status, "message": message})
     else:
-        put(sentences(f"clutchid: {printable_lines(message)}", sys.stderr), to=sys.stderr)
+        put(wrapped_sentences(f"clutchid: {printable_lines(message)}", sys.stderr), to=sys.stderr)
     return BAD_INPUT if status == "bad_input" else FAILED
 
 
@@ -157,7 +157,7 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
 
 
 #: Time in s from one line of progress to the next where standard error is not a terminal.
-EVERY = 60.0
+PROGRESS_PERIOD = 60.0
 
 #: Units of a rate by their length in s, and of a time that is left.
 _RATES = ((1.0, "a second"), (60.0, "a minute"), (3600.0, "an hour"))
@@ -183,7 +183,7 @@ def progress_of(
             now = clock()
             words = progress_words(count, total, items, now - begin)
             show(words, count / total)
-            if now - last >= EVERY and not sys.stderr.isatty():
+            if now - last >= PROGRESS_PERIOD and not sys.stderr.isatty():
                 put(f"{title}: {words}", to=sys.stderr)
                 last = now
 

@@ -26,7 +26,7 @@ from clutchid.cli.common import (
     print_written,
     progress_bar,
 )
-from clutchid.documents.console import WIDTH, print_rows, printable_lines, put
+from clutchid.documents.console import TERMINAL_WIDTH, print_rows, printable_lines, put
 from clutchid.errors import ExportError, ParameterError
 from clutchid.names import printable
 from clutchid.verbs.commands import FitCommand
@@ -43,7 +43,7 @@ Writers = Mapping[Path | None, Callable[[Path], None]]
 
 def answer(document: Document, writers: Writers, *, json: bool, verbose: bool) -> int:
     """Write the files, and print the result; the exit code. A failure of one does not prevent the other."""
-    from clutchid.documents import On, Row
+    from clutchid.documents import LabelRow, On
 
     written, failures = _write(writers)
     if json:
@@ -59,7 +59,7 @@ def answer(document: Document, writers: Writers, *, json: bool, verbose: bool) -
     if failures:
         return FAILED
     if document.next:
-        print_rows([Row("next", f"{document.next.why}:")])
+        print_rows([LabelRow("next", f"{document.next.why}:")])
         put(printable(f"  {document.next.command}"))
     return DONE
 
@@ -84,7 +84,7 @@ def _warn(warnings: Sequence[str], most: int) -> None:
         more = len(warnings) - most
         shown.append(f"{more} more warning{'s' if more > 1 else ''}: --verbose")
     for line in shown:
-        put(fill(line, WIDTH, break_long_words=False, break_on_hyphens=False), to=sys.stderr)
+        put(fill(line, TERMINAL_WIDTH, break_long_words=False, break_on_hyphens=False), to=sys.stderr)
 
 
 @Parameter(name="*")
@@ -141,11 +141,11 @@ class FitOptions:
 
 
 #: The options where none is given.
-DEFAULTS = FitOptions()
+_DEFAULTS = FitOptions()
 
 
 @guarded
-def fit(*logs: Path, options: FitOptions = DEFAULTS) -> int:
+def fit(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     """Estimate the load, and any other parameters, by any method; without options, by that of the paper.
 
     The general command; `calibrate` and `estimate` are for every day. Without options it assumes the truck of the
@@ -158,10 +158,10 @@ def fit(*logs: Path, options: FitOptions = DEFAULTS) -> int:
         Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or in any format
         with a --map. Put them before --verify, --bounds and --dbc, which take all arguments that follow.
     """
-    return fitted(options.command("fit", logs), options)
+    return run_fit(options.command("fit", logs), options)
 
 
-def fitted(asked: FitCommand, options: FitOptions) -> int:
+def run_fit(asked: FitCommand, options: FitOptions) -> int:
     """Fit as asked, print and write the result; the exit code."""
     if not asked.logs:
         raise ParameterError(
@@ -170,7 +170,7 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
         )
     from clutchid.documents import write_page
     from clutchid.verbs import saving
-    from clutchid.verbs.next_step import fit_document
+    from clutchid.verbs.next_step import document_with_next_step
     from clutchid.verbs.progress import CALIBRATION, ESTIMATE, shared
 
     inputs: list[tuple[str, Path | None]] = [("a recording that is fitted", path) for path in asked.logs]
@@ -182,16 +182,16 @@ def fitted(asked: FitCommand, options: FitOptions) -> int:
     with progress_bar(asked.verb) as show:
         usual = CALIBRATION if asked.automatic else ESTIMATE
         fit = asked.run(shared(usual, lambda step: show(step.words, step.share))).raised()
-    document = fit_document(fit, asked)
+    document = document_with_next_step(fit, asked)
     writers: Writers = {
-        **dict.fromkeys(asked.save, lambda path: saving.save(fit, path)),
+        **dict.fromkeys(asked.save, lambda path: saving.save_fit(fit, path)),
         asked.report: lambda path: write_page(document, path),
     }
     return answer(document, writers, json=options.json, verbose=options.verbose)
 
 
 @guarded
-def calibrate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
+def calibrate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     """Calibrate a truck once, from recordings with pressure: its load, valves, friction and sensors.
 
     Save the calibration, and estimate the load of the worn clutch from position alone with it: `clutchid estimate
@@ -203,11 +203,11 @@ def calibrate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
         Recordings with position, duty cycles and `pressure_a`, all of one state of wear. Put them before --verify,
         --bounds and --dbc, which take all arguments that follow.
     """
-    return fitted(options.command("calibrate", logs), options)
+    return run_fit(options.command("calibrate", logs), options)
 
 
 @guarded
-def estimate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
+def estimate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     """Estimate the load from position alone, with a calibration, and what has changed since.
 
     The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
@@ -225,4 +225,4 @@ def estimate(*logs: Path, options: FitOptions = DEFAULTS) -> int:
             "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
             "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
         )
-    return fitted(options.command("estimate", logs), options)
+    return run_fit(options.command("estimate", logs), options)

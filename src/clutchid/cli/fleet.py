@@ -26,7 +26,7 @@ from clutchid.documents.console import printable_lines, put, say
 from clutchid.errors import ParameterError
 from clutchid.names import printable
 from clutchid.verbs.commands import typed
-from clutchid.verbs.options import USUAL_FILES, life_limit, pressure
+from clutchid.verbs.options import USUAL_FILES, life_limit, pressure_option
 
 if TYPE_CHECKING:
     from clutchid.fleets.cluster import Tls, Workers
@@ -160,7 +160,7 @@ def fleet(
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
-            ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (),
+            ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
     _say(run, as_json=json)

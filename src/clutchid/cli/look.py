@@ -15,8 +15,8 @@ from clutchid.cli.common import (
     print_json,
     print_written,
 )
-from clutchid.documents.console import put, sentences
-from clutchid.verbs.options import USUAL_FILES, pressure
+from clutchid.documents.console import put, wrapped_sentences
+from clutchid.verbs.options import USUAL_FILES, pressure_option
 
 
 @guarded
@@ -52,13 +52,13 @@ def look(
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start)
-    result = looked(file, pressure(files.ambient), tuple(files.dbc or ()), files.map, content)
+    result = looked(file, pressure_option(files.ambient), tuple(files.dbc or ()), files.map, content)
     contents = result.contents
     document = document_of(result)
     if json:
         print_json(document.data())
     else:
-        put(*(sentences(row.text, sys.stdout) for row in document.rows))
+        put(*(wrapped_sentences(row.text, sys.stdout) for row in document.rows))
     if save is not None:
         proposed = save_proposed(contents, save)
         print_written(save, to=sys.stderr if json else None)

@@ -130,7 +130,7 @@ def observe(
     """
     from clutchid.documents import Observation
     from clutchid.verbs.observing import observed
-    from clutchid.verbs.service.following import follow
+    from clutchid.verbs.service.following import follow_live
     from clutchid.verbs.service.streams import unhurried_errors
     from clutchid.verbs.start import calibration_file
 
@@ -150,7 +150,7 @@ def observe(
         log, options.files, options.method, options.zero, options.resume, grows=options.follow,
         supply_std=options.supply_std,
     )  # fmt: skip
-    end = follow(arriving, content, outputs, say_checks=not options.json)
+    end = follow_live(arriving, content, outputs, say_checks=not options.json)
     with unhurried_errors():
         message = " ".join(filter(None, (end.fault, *end.troubles)))
         trouble = ("bad_input" if end.fault else "failed", message)

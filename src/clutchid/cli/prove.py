@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, FAILED, FLEET, OutOption, OutputFlag, guarded, print_written, progress_of
 from clutchid.cli.fleet import NO_SCHEDULER, Scheduler
-from clutchid.documents.console import WIDTH, put
+from clutchid.documents.console import TERMINAL_WIDTH, put
 from clutchid.errors import ParameterError
 
 
@@ -65,6 +65,6 @@ def prove(
     with progress_of("prove", "trucks") as progress:
         results = run(workflow, numbers, out, conditions, place, progress)
     table = write_tables(out, numbers)
-    put(to_text(table, WIDTH), "", fill(table.note, WIDTH))
+    put(to_text(table, TERMINAL_WIDTH), "", fill(table.note, TERMINAL_WIDTH))
     print_written(out / "recordings.csv")
     return FAILED if all(result["failed"] for result in results) else DONE

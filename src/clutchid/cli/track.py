@@ -24,7 +24,7 @@ from clutchid.cli.common import (
 from clutchid.documents.console import print_rows, say
 from clutchid.errors import ExportError, ParameterError
 from clutchid.verbs.commands import typed
-from clutchid.verbs.options import USUAL_FILES, life_limit, pressure
+from clutchid.verbs.options import USUAL_FILES, life_limit, pressure_option
 from clutchid.verbs.saving import check_outputs, loads_path
 
 
@@ -82,7 +82,7 @@ def track(
     with progress_of("track") as progress:
         tracked = tracking.track(
             logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers,
-            ambient=pressure(files.ambient), channels=files.map, dbc=files.dbc or (), zero=zero, results=results,
+            ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (), zero=zero, results=results,
             progress=progress,
         )  # fmt: skip
     tracking.write_tracked(tracked, out)

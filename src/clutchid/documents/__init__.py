@@ -1,6 +1,6 @@
 """Every result as one `Document`, and its renderers; matplotlib and jinja2 are imported on demand."""
 
-from clutchid.documents.document import Document, On, Row
+from clutchid.documents.document import Document, LabelRow, On
 from clutchid.documents.html import write_page
 from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch, document_of
 from clutchid.documents.tables import Column, ReportTable, to_csv, to_text
@@ -10,11 +10,11 @@ __all__ = [
     "Column",
     "Document",
     "FleetWear",
+    "LabelRow",
     "Observation",
     "On",
     "ReportTable",
     "RigFriction",
-    "Row",
     "WornClutch",
     "document_of",
     "lines_of",

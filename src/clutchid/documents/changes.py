@@ -10,7 +10,7 @@ from clutchid.estimation import Change, Fit
 from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.inference.uncertainty.conditions import Assumption
-from clutchid.inference.uncertainty.identifiability import listed
+from clutchid.inference.uncertainty.identifiability import in_words
 
 _CAUSE: dict[Cause, str] = {
     "sensor": "the position sensor or its bracket has moved, or was exchanged",
@@ -84,7 +84,7 @@ def change_sentences(fit: Fit) -> list[str]:
     One load for several states of wear leaves a difference that changes only seem to explain.
     """
     if fit.changes and states_of_wear(fit) is not None:
-        groups = listed(list(dict.fromkeys(change.group for change in fit.changes)))
+        groups = in_words(list(dict.fromkeys(change.group for change in fit.changes)))
         return [
             f"with one load for several states of wear the difference between them was explained by {groups}: that is "
             "no change; those of the readings one by one are."

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.documents.changes import since_calibration
-from clutchid.documents.document import Block, Bullets, Picture, Section, Text
+from clutchid.documents.document import Block, Bullets, Chapter, Picture, Text
 from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
 from clutchid.documents.fit_rows import POSITIONS, interval_words
 from clutchid.documents.style import MM, STYLE, Line
-from clutchid.documents.tables import STEP, Cell, Column, ReportTable
+from clutchid.documents.tables import POSITION_STEP, Cell, Column, ReportTable
 from clutchid.estimation import Fit, LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING, Comparison, comparison
 from clutchid.estimation.assess.verdict import verdict
@@ -26,7 +26,7 @@ _CAPTION = (
 )
 
 
-def comparison_sections(fit: Fit) -> list[Section]:
+def comparison_sections(fit: Fit) -> list[Chapter]:
     """Both loads, and changes since the calibration; none without one.
 
     Several recordings have a table of their readings one by one.
@@ -42,7 +42,7 @@ def comparison_sections(fit: Fit) -> list[Section]:
         blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
     if fit.readings:
         blocks.append(readings_table(fit.readings))
-    return [Section("New against worn", tuple(blocks))]
+    return [Chapter("New against worn", tuple(blocks))]
 
 
 def _halves(compared: Comparison) -> str:
@@ -101,7 +101,7 @@ def change_table(compared: Comparison) -> ReportTable:
         Column("share [1]", "[%]", 0.01, 1, group="change"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for position in np.arange(STEP, compared.reach + 1e-9, STEP):
+    for position in np.arange(POSITION_STEP, compared.reach + 1e-9, POSITION_STEP):
         curves = compared.calibrated, compared.present
         both = (float(np.interp(position, curve.position, curve.force)) for curve in curves)
         rows.append((float(position), *both, *compared.at(float(position))))

@@ -16,10 +16,10 @@ from clutchid.names import printable
 from clutchid.systems import is_closed_pipe
 
 if TYPE_CHECKING:
-    from clutchid.documents.document import Row
+    from clutchid.documents.document import LabelRow
 
 #: Most columns of a terminal that are used.
-WIDTH = 80
+TERMINAL_WIDTH = 80
 
 #: How a mood is coloured.
 _COLOURS = {"good": "bold green", "with care": "bold yellow", "none": "bold red", "": ""}
@@ -74,7 +74,7 @@ def lost(error: OSError) -> None:
 
 def text_width() -> int:
     """Columns to use on a terminal."""
-    return max(20, min(WIDTH, get_terminal_size((WIDTH, 24)).columns))
+    return max(20, min(TERMINAL_WIDTH, get_terminal_size((TERMINAL_WIDTH, 24)).columns))
 
 
 def printable_lines(text: str) -> str:
@@ -82,7 +82,7 @@ def printable_lines(text: str) -> str:
     return "\n".join(map(printable, text.splitlines()))
 
 
-def sentences(text: str, stream: TextIO) -> str:
+def wrapped_sentences(text: str, stream: TextIO) -> str:
     """Sentences and lists of them for `stream`, wrapped at words if it is a terminal; tables keep their lines."""
     if not stream.isatty():
         return text
@@ -97,14 +97,14 @@ def _wrapped(line: str) -> str:
     return fill(line, text_width(), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False) or line
 
 
-def print_rows(rows: Iterable[Row], to: TextIO | None = None) -> None:
+def print_rows(rows: Iterable[LabelRow], to: TextIO | None = None) -> None:
     """Rows with labels, wrapped at words, on standard output by default; coloured on a terminal."""
     from rich.console import Console
     from rich.text import Text
 
     console = Console(file=sys.stdout if to is None else to, highlight=False, markup=False, emoji=False, soft_wrap=True)
     with console.capture() as drawn:
-        for line in lines_of(rows, min(WIDTH, console.width) if console.is_terminal else WIDTH):
+        for line in lines_of(rows, min(TERMINAL_WIDTH, console.width) if console.is_terminal else TERMINAL_WIDTH):
             console.print(Text(line.label, style="bold").append(line.text, style=_COLOURS[line.mood] or "not bold"))
     if drawn.get():
         put(drawn.get().removesuffix("\n"), to=to)

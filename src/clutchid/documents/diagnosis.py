@@ -14,7 +14,7 @@ from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.errors import ClutchidError
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, remarks
-from clutchid.estimation.assess.evidence import HORIZON, Evidence, information
+from clutchid.estimation.assess.evidence import HORIZON, Evidence, shared_information
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import INPUTS, FloatArray
 from clutchid.names import capital
@@ -117,7 +117,7 @@ def _proposal(fit: Fit) -> str:
     from clutchid.estimation.assess.missing_excitation import best_manoeuvre
 
     weights = [name for name in fit.parameters if name in fit.actuator.load.names]
-    determined = information(fit)
+    determined = shared_information(fit)
     if not weights or determined is None:
         return ""
     try:

@@ -26,7 +26,7 @@ class On(Flag):
     ALL = BRIEF | FULL | PAGE
 
 
-class Row(NamedTuple):
+class LabelRow(NamedTuple):
     """A label, which is empty below the first of several rows, and its text.
 
     The text is wrapped at words unless it is `fixed`, as a table is. Without any label, None, it takes the whole width.
@@ -117,7 +117,7 @@ Block = Text | Bullets | Notice | Picture | ReportTable | Sortable | Details
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class Chapter:
     """A heading and its content."""
 
     heading: str
@@ -152,9 +152,9 @@ class Document:
 
     title: str
     subtitle: str = ""
-    rows: tuple[Row, ...] = ()
+    rows: tuple[LabelRow, ...] = ()
     notices: tuple[Notice, ...] = ()
-    sections: Callable[[], Sequence[Section]] = tuple
+    sections: Callable[[], Sequence[Chapter]] = tuple
     figure: Callable[[], Picture] | None = None
     data: Callable[[], dict[str, Any]] = dict
     next: NextStep | None = None
@@ -162,7 +162,7 @@ class Document:
     sources: Mapping[str, str] = field(default_factory=dict)
     home: Link | None = None
 
-    def rows_on(self, medium: On) -> list[Row]:
+    def rows_on(self, medium: On) -> list[LabelRow]:
         """The rows for a medium."""
         return [row for row in self.rows if row.on & medium]
 
@@ -173,6 +173,6 @@ def page_rows(document: Document) -> list[dict[str, Any]]:
     return [{name: getattr(row, name) for name in names} for row in document.rows_on(On.PAGE)]
 
 
-def labelled(label: str, texts: Sequence[str], on: On = On.ALL) -> list[Row]:
+def labelled(label: str, texts: Sequence[str], on: On = On.ALL) -> list[LabelRow]:
     """A row for each text, the first of them with the label."""
-    return [Row(label if i == 0 else "", text, on=on) for i, text in enumerate(texts)]
+    return [LabelRow(label if i == 0 else "", text, on=on) for i, text in enumerate(texts)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.documents.changes import assumed_sentences, change_sentences, notes_of, rest_words, short_changes
-from clutchid.documents.document import On, Row, labelled
+from clutchid.documents.document import LabelRow, On, labelled
 from clutchid.documents.style import MM
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.comparison import Comparison, HalfLoad, comparison, half_load_band
@@ -52,23 +52,24 @@ _MOST_REASONS, _MOST_OTHERS, _MOST_VERIFIED = 2, 4, 2
 LARGEST_HALF, _NOT_DETERMINED = 1e5, "not determined"
 
 
-def rows_of(fit: Fit) -> list[Row]:
+def rows_of(fit: Fit) -> list[LabelRow]:
     """Rows of a fit, and of its recordings read one by one."""
     compared = comparison(fit)
     rows = [*_trust(fit), *_load(fit, compared), *_since(fit, compared), *labelled("alone", _readings(fit.readings))]
-    rows += [*_others(fit), Row("errors", _errors(fit), on=On.BRIEF | On.PAGE)]
-    return [*rows, Row("search", _search(fit), on=On.PAGE), *_in_full(fit)]
+    rows += [*_others(fit), LabelRow("errors", _errors(fit), on=On.BRIEF | On.PAGE)]
+    return [*rows, LabelRow("search", _search(fit), on=On.PAGE), *_in_full(fit)]
 
 
-def _trust(fit: Fit) -> list[Row]:
+def _trust(fit: Fit) -> list[LabelRow]:
     judged = verdict(fit)
     more = len(judged.reasons) - _MOST_REASONS
-    rows = [Row("trust", judged.trust, judged.trust), Row("", judged.meaning, on=On.PAGE)]
+    rows = [LabelRow("trust", judged.trust, judged.trust), LabelRow("", judged.meaning, on=On.PAGE)]
     rows += [
-        Row("", text, on=On.ALL if i < _MOST_REASONS else On.FULL | On.PAGE) for i, text in enumerate(judged.reasons)
+        LabelRow("", text, on=On.ALL if i < _MOST_REASONS else On.FULL | On.PAGE)
+        for i, text in enumerate(judged.reasons)
     ]
-    rows += [Row("", f"{more} more reason{'s' if more > 1 else ''}: --verbose", on=On.BRIEF)] if more > 0 else []
-    rows += [Row("", judged.experience)] if judged.experience else []
+    rows += [LabelRow("", f"{more} more reason{'s' if more > 1 else ''}: --verbose", on=On.BRIEF)] if more > 0 else []
+    rows += [LabelRow("", judged.experience)] if judged.experience else []
     return rows
 
 
@@ -79,7 +80,7 @@ def _search(fit: Fit) -> str:
     return f"{fit.message.rstrip('.')}{'' if fit.warnings else ', without warnings'}"
 
 
-def _in_full(fit: Fit) -> list[Row]:
+def _in_full(fit: Fit) -> list[LabelRow]:
     """Details that a summary leaves out: end of the search, all parameters, errors of all recordings, and notes."""
     width = max([9, *(len(name) for name in fit.parameters)])
     lines = ["", f"{'parameter':<{width}}  {'value':>12}  {'std. error':>10}  {'95 % interval':>27}  unit"]
@@ -90,8 +91,8 @@ def _in_full(fit: Fit) -> list[Row]:
         for name, recording in recordings.items():
             how = ", simulated from its duty cycles" if title == "verified" else fitted
             sentences.append(f"{title} {name}: {errors_text(recording.errors)}{how}")
-    table = Row(None, "\n".join(lines), fixed=True, on=On.FULL)
-    return [table, *(Row(None, text, on=On.FULL) for text in [*sentences, *notes_of(fit)])]
+    table = LabelRow(None, "\n".join(lines), fixed=True, on=On.FULL)
+    return [table, *(LabelRow(None, text, on=On.FULL) for text in [*sentences, *notes_of(fit)])]
 
 
 def _starts(fit: Fit) -> list[str]:
@@ -108,7 +109,7 @@ def other_warnings(fit: Fit) -> list[str]:
     return [text for text in fit.warnings if not text.startswith((*said, f"the search {fit.message}"))]
 
 
-def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
+def _load(fit: Fit, compared: Comparison | None) -> list[LabelRow]:
     curve, furthest = fit.load_curve, reach(fit)
     if not np.isfinite(curve.force).any():
         return []
@@ -117,7 +118,7 @@ def _load(fit: Fit, compared: Comparison | None) -> list[Row]:
     text += f" of the recorded {furthest / MM:.1f} mm"
     text += _half(half_load_band(curve, furthest), fit.load_is_fitted)
     text += "" if fit.load_is_fitted else "; fixed, not fitted"
-    return [Row("load", text), _at_positions(fit, compared, furthest)]
+    return [LabelRow("load", text), _at_positions(fit, compared, furthest)]
 
 
 def _force(fit: Fit, at: int) -> str:
@@ -141,7 +142,7 @@ def interval_words(at: HalfLoad, sign: str = "", behind: str = "") -> str:
     return f" ({at.low / MM:{sign}z.2f} to {at.high / MM:{sign}z.2f}{behind})" if finite else ""
 
 
-def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> Row:
+def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> LabelRow:
     """The load, and its change, at the positions where the clutch engages, as a table."""
     curve = fit.load_curve
     force, low, high = (
@@ -157,7 +158,7 @@ def _at_positions(fit: Fit, compared: Comparison | None, furthest: float) -> Row
         lines.append(["", *(f"{100 * c.share:+z.0f} %" if isfinite(c.share) else "" for c in changes)])
     lines = [[line[0], *_within(line[1:], furthest)] for line in lines]
     text = ("".join([line[0].ljust(7), *(cell.rjust(15) for cell in line[1:])]).rstrip() for line in lines)
-    return Row("", "\n".join(text), fixed=True, cells=tuple(map(tuple, lines)))
+    return LabelRow("", "\n".join(text), fixed=True, cells=tuple(map(tuple, lines)))
 
 
 def _within(cells: list[str], furthest: float) -> list[str]:
@@ -178,16 +179,16 @@ def with_interval(value: float, half: float, sign: str = "") -> str:
     return f"{value:{sign}z.0f} ± {half:.0f}" if isfinite(value) and half < LARGEST_HALF else _NOT_DETERMINED
 
 
-def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
+def _since(fit: Fit, compared: Comparison | None) -> list[LabelRow]:
     """Changes since the calibration, or the values that are assumed without one."""
     if fit.baseline is None:
         if fit.calibration is None and of_the_paper(fit):
-            return [Row("assumed", "parameters not fitted are those of the paper's truck: no calibration")]
+            return [LabelRow("assumed", "parameters not fitted are those of the paper's truck: no calibration")]
         return []
     name, on_pages = baseline_name(fit.baseline), On.BRIEF | On.PAGE
     if states_of_wear(fit) is not None:
-        since = Row("since", f"{name}: see the recordings alone")
-        rows = [since, *(Row("", sentence, on=On.PAGE) for sentence in change_sentences(fit))]
+        since = LabelRow("since", f"{name}: see the recordings alone")
+        rows = [since, *(LabelRow("", sentence, on=On.PAGE) for sentence in change_sentences(fit))]
         return [*rows, *labelled("assumed", assumed_sentences(fit), On.PAGE)]
     parts = []
     if compared and isfinite(compared.shift.position):
@@ -199,8 +200,8 @@ def _since(fit: Fit, compared: Comparison | None) -> list[Row]:
              for rest in moved_rests(fit)]  # fmt: skip
     changes = short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]
     in_full = parts if fit.changes else [*parts, *changes]
-    rows = [Row("since", f"{name}: {'; '.join([*parts, *rests, *changes])}", on=on_pages)]
-    rows += [Row("since", f"{name}: {'; '.join(in_full)}", on=On.FULL)] if in_full else []
+    rows = [LabelRow("since", f"{name}: {'; '.join([*parts, *rests, *changes])}", on=on_pages)]
+    rows += [LabelRow("since", f"{name}: {'; '.join(in_full)}", on=On.FULL)] if in_full else []
     return [*rows, *labelled("assumed", assumed_sentences(fit), on_pages)]
 
 
@@ -243,7 +244,7 @@ def _change_at(compared: Comparison, mm: int) -> str:
     return f"{change.force:+z.0f} N{share} at {mm} mm"
 
 
-def _others(fit: Fit) -> list[Row]:
+def _others(fit: Fit) -> list[LabelRow]:
     """Fitted parameters besides the load; many are only counted."""
     others = {name: e for name, e in fit.parameters.items() if name not in fit.actuator.load.names}
     own = {name: e for name, e in others.items() if "@" not in name}
@@ -251,9 +252,11 @@ def _others(fit: Fit) -> list[Row]:
         return []
     if len(own) > _MOST_OTHERS:
         return [
-            Row("also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report", on=On.BRIEF)
+            LabelRow(
+                "also", f"{len(own)} other parameters were fitted: --verbose, or the page of --report", on=On.BRIEF
+            )
         ]
-    return [Row("also", ", ".join(f"{name} = {e}" for name, e in own.items()), on=On.BRIEF | On.PAGE)]
+    return [LabelRow("also", ", ".join(f"{name} = {e}" for name, e in own.items()), on=On.BRIEF | On.PAGE)]
 
 
 def _errors(fit: Fit) -> str:

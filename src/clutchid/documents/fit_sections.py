@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.documents.comparison import comparison_sections
 from clutchid.documents.diagnosis import diagnosis_table, information_blocks, limit_blocks, residual_blocks, worst_first
-from clutchid.documents.document import Block, Details, Picture, Section, Text
+from clutchid.documents.document import Block, Chapter, Details, Picture, Text
 from clutchid.documents.fit_figures import recording_figure, reliable
 from clutchid.documents.innovations import innovation_blocks
 from clutchid.documents.style import BAR, MM
@@ -89,23 +89,23 @@ MAX_DRAWN = 3
 _LONG_RECORDING, _DETAIL_LENGTH = 120.0, 30.0
 
 
-def fit_sections(fit: Fit) -> list[Section]:
+def fit_sections(fit: Fit) -> list[Chapter]:
     """Tables and figures of a fit, below its answer."""
     basis = evidence(fit)
     sections = comparison_sections(fit)
     if basis.diagnoses:
-        sections.append(Section("What the data determine", tuple(information_blocks(fit, basis))))
-    sections.append(Section("Parameters", parameter_blocks(fit)))
+        sections.append(Chapter("What the data determine", tuple(information_blocks(fit, basis))))
+    sections.append(Chapter("Parameters", parameter_blocks(fit)))
     if fit.recordings:
-        sections.append(Section("Errors", _errors(fit, basis)))
+        sections.append(Chapter("Errors", _errors(fit, basis)))
         sections += _drawn(fit, basis, fit.recordings, "fitted")
     sections += _drawn(fit, basis, fit.verification, "verified, not fitted")
     sections += [
-        Section(f"Innovations of {name}", innovation_blocks(name, of_one))
+        Chapter(f"Innovations of {name}", innovation_blocks(name, of_one))
         for name, of_one in list(calibration_innovations(fit).items())[:MAX_DRAWN]
     ]
     limits = limit_blocks(verdict(fit), fit.recordings)
-    return [*sections, Section("Limits of the result", limits)] if limits else sections
+    return [*sections, Chapter("Limits of the result", limits)] if limits else sections
 
 
 def error_table(fit: Fit) -> ReportTable:
@@ -144,7 +144,7 @@ def _errors(fit: Fit, basis: Evidence) -> tuple[Block, ...]:
     return (error_table(fit), *([diagnosis_table(basis)] if basis.diagnoses else []), divided)
 
 
-def _drawn(fit: Fit, basis: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Section]:
+def _drawn(fit: Fit, basis: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Chapter]:
     """A section for each recording; of many, only those with the poorest fit."""
     names = list(recordings)
     if len(names) > MAX_DRAWN:
@@ -154,11 +154,11 @@ def _drawn(fit: Fit, basis: Evidence, recordings: Mapping[str, Recording], use: 
     if len(names) < len(recordings):
         rest = f"{len(recordings) - len(names)} more ({use})"
         words = f"The {len(names)} recordings with the poorest fit are drawn; the others are in the table of errors."
-        sections.append(Section(rest, (Text(words),)))
+        sections.append(Chapter(rest, (Text(words),)))
     return sections
 
 
-def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidence) -> Section:
+def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidence) -> Chapter:
     e = recording.errors
     rms = e.pressure_a_rms
     fitted = use == "fitted"
@@ -184,7 +184,7 @@ def _section(fit: Fit, name: str, recording: Recording, use: str, basis: Evidenc
         Picture(recording_figure(as_measured, span), caption, alt, dense=True),
         *_detail(as_measured, span, alt),
     ]
-    return Section(f"{name} ({use})", (*pictures, start, *residuals))
+    return Chapter(f"{name} ({use})", (*pictures, start, *residuals))
 
 
 def _detail(recording: Recording, span: BoolArray | None, alt: str) -> list[Picture]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from clutchid.documents.document import (
     Block,
+    Chapter,
     Document,
+    LabelRow,
     Markup,
     Notice,
     Picture,
-    Row,
-    Section,
     Sortable,
     Text,
 )
@@ -148,7 +148,7 @@ def fleet_document(fleet: FleetWear, command: str = "") -> Document:
     vehicles, spans = fleet.vehicles, spans_of(fleet.vehicles)
     measured = [vehicle for vehicle in vehicles if has_reading(vehicle)]
     counted = f"{len(measured):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
-    rows = [Row("wear", f"{counted}. {_spread(measured)}")] if measured else []
+    rows = [LabelRow("wear", f"{counted}. {_spread(measured)}")] if measured else []
     return Document(
         "Wear of a fleet", _subtitle(vehicles), tuple(rows),
         notices=() if measured else (Notice("No recording determines the wear of a vehicle.", "none"),),
@@ -158,19 +158,19 @@ def fleet_document(fleet: FleetWear, command: str = "") -> Document:
     )  # fmt: skip
 
 
-def _sections(fleet: FleetWear, spans: Spans) -> list[Section]:
+def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
     vehicles, odd = fleet.vehicles, odd_vehicles(fleet.vehicles, spans)
     failures = reasons_table(fleet.reasons) if fleet.reasons else Notice("Every recording counts.", "good")
     sections = []
     if any(map(has_reading, vehicles)):
         limited = any(not np.isnan(vehicle.left.value) for vehicle in vehicles)
-        sections.append(Section("By type", (types_table(vehicles, spans),)))
+        sections.append(Chapter("By type", (types_table(vehicles, spans),)))
         heading = "Soonest at their limit" if limited else "Most worn"
-        sections.append(Section(heading, (worst_table(vehicles, spans),)))
-    sections.append(Section("Odd vehicles", _odd(odd)))
-    sections.append(Section("Recordings that do not count", (failures,)))
+        sections.append(Chapter(heading, (worst_table(vehicles, spans),)))
+    sections.append(Chapter("Odd vehicles", _odd(odd)))
+    sections.append(Chapter("Recordings that do not count", (failures,)))
     if vehicles:
-        sections.append(Section("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
+        sections.append(Chapter("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
     return sections
 
 

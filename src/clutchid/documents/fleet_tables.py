@@ -204,7 +204,7 @@ _WORST, ODD, _TYPES, _REASONS = 20, 12, 30, 40
 
 
 #: A column with the cell of a vehicle in it.
-Entry = tuple[Column, Callable[[VehicleRow], Cell]]
+_Entry = tuple[Column, Callable[[VehicleRow], Cell]]
 
 
 def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
@@ -223,7 +223,7 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: 
     marks: dict[int, list[str]] = defaultdict(list)
     for entry in odd:
         marks[id(entry.vehicle)].append(entry.mark)
-    entries: list[Entry] = [
+    entries: list[_Entry] = [
         *_NAMES,
         (Column("last", "last"), lambda vehicle: f"{vehicle.last:%Y-%m-%d}" if vehicle.last else None),
         (Column("recordings", "all", decimals=0, group="recordings"), lambda vehicle: vehicle.recordings),
@@ -237,7 +237,7 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: 
     return _table("All vehicles", sorted(vehicles, key=lambda vehicle: natural(vehicle.name)), entries, spans)
 
 
-def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[Entry], spans: Spans) -> ReportTable:
+def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[_Entry], spans: Spans) -> ReportTable:
     """A row a vehicle; below it the meaning of the signs, and the lives that forecasts and shares of a life assume."""
     rows = tuple(tuple(cell(vehicle) for _, cell in entries) for vehicle in vehicles)
     lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
@@ -308,7 +308,7 @@ def _worst(vehicle: VehicleRow) -> tuple[float, float, float, float]:
     return left[0], left[1], -np.nan_to_num(vehicle.wear.value), -abs(np.nan_to_num(vehicle.shift.value))
 
 
-def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[Entry]:
+def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[_Entry]:
     """Wear and shift that are known, each with its band: that of the shift only where a vehicle has no wear."""
     wear, shift = (np.isfinite([getattr(vehicle, name).value for vehicle in vehicles]) for name in ("wear", "shift"))
     for name, shown, banded in (("wear", wear, True), ("shift", shift, bool((shift & ~wear).any()))):
@@ -319,7 +319,7 @@ def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[Entry]:
                 yield _band(column, length)
 
 
-def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95 % band") -> Entry:
+def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95 % band") -> _Entry:
     """The interval of the values of a column, in words."""
     name = column.name.split(" [", maxsplit=1)[0]
 
@@ -332,12 +332,12 @@ def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95
     return Column(f"{name} band", words, group=column.group), shown
 
 
-def _rate(vehicles: Sequence[VehicleRow], spans: Spans) -> Entry:
+def _rate(vehicles: Sequence[VehicleRow], spans: Spans) -> _Entry:
     heading = f"rate of\n{quantity_of(vehicles)}\n[mm per\n{spans.rate_words.replace(' ', chr(10))}]"
     return Column(f"rate [m per {spans.rate_words}]", heading, MM, 3), lambda vehicle: rate_shown(vehicle, spans)
 
 
-def _left(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Entry]:
+def _left(vehicles: Sequence[VehicleRow], spans: Spans) -> list[_Entry]:
     """Two columns where a limit is known."""
     if all(np.isnan(vehicle.left.value) for vehicle in vehicles):
         return []
@@ -352,7 +352,7 @@ def _link(vehicle: VehicleRow) -> Link:
     return Link(printable(vehicle.name), vehicle.page)
 
 
-_NAMES: tuple[Entry, ...] = (
+_NAMES: tuple[_Entry, ...] = (
     (Column("vehicle", "vehicle"), _link),
     (Column("type", "type"), lambda vehicle: printable(vehicle.type)),
 )

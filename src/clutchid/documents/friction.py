@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
-from clutchid.documents.document import Document, Notice, Row
+from clutchid.documents.document import Document, LabelRow, Notice
 from clutchid.documents.results import RigFriction
 from clutchid.estimation import Estimate
 from clutchid.log import Log
@@ -52,7 +52,7 @@ def _lugre(fits: Sequence[LugreFit], command: str) -> Document:
 def _document(text: str, data: Mapping[str, object], warnings: Sequence[str], command: str) -> Document:
     status = "warning" if warnings else "ok"
     return Document(
-        "Friction of a rig", rows=(Row(None, text, fixed=True),), notices=tuple(map(Notice, warnings)),
+        "Friction of a rig", rows=(LabelRow(None, text, fixed=True),), notices=tuple(map(Notice, warnings)),
         data=lambda: {"status": status, **data, "warnings": list(warnings)}, command=command,
     )  # fmt: skip
 

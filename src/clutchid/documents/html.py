@@ -18,10 +18,10 @@ from clutchid.documents.document import (
     Bullets,
     Details,
     Document,
+    LabelRow,
     Notice,
     On,
     Picture,
-    Row,
     Sortable,
     Text,
 )
@@ -85,9 +85,9 @@ def answer_html(document: Document) -> str:
     ))  # fmt: skip
 
 
-def grouped(rows: Iterable[Row]) -> list[tuple[str, list[Row]]]:
+def grouped(rows: Iterable[LabelRow]) -> list[tuple[str, list[LabelRow]]]:
     """Labels with the rows that belong to them."""
-    groups: list[tuple[str, list[Row]]] = []
+    groups: list[tuple[str, list[LabelRow]]] = []
     for row in rows:
         if row.label or not groups:
             groups.append((row.label or "", []))

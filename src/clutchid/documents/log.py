@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from clutchid.documents.document import Document, Notice, Picture, Row
+from clutchid.documents.document import Document, LabelRow, Notice, Picture
 from clutchid.documents.figures import draw_over_time, fill_over_time, label, legend, new_figure
 from clutchid.documents.fit_json import errors_json
 from clutchid.documents.fit_rows import errors_text
@@ -73,7 +73,7 @@ def _document(log: Log, text: str, command: str) -> Document:
     def picture() -> Picture:
         return Picture(log_figure(log), "", f"Columns of {log.name} over time")
 
-    return Document(log.name, rows=(Row(None, text, fixed=True),), figure=picture, command=command)
+    return Document(log.name, rows=(LabelRow(None, text, fixed=True),), figure=picture, command=command)
 
 
 def simulated_document(simulated: SimulatedRecording, command: str = "") -> Document:
@@ -82,10 +82,10 @@ def simulated_document(simulated: SimulatedRecording, command: str = "") -> Docu
     data: dict[str, Any] = {
         "status": "warning" if warnings else "ok", "message": simulated.message, "warnings": list(warnings),
     }  # fmt: skip
-    rows: tuple[Row, ...] = ()
+    rows: tuple[LabelRow, ...] = ()
     if errors is not None:
         data |= {"errors": errors_json(errors), "logs": {name: errors_json(errors)}}
-        rows = (Row(None, f"simulated {name}: {errors_text(errors)}", fixed=True),)
+        rows = (LabelRow(None, f"simulated {name}: {errors_text(errors)}", fixed=True),)
     return Document(
         f"Simulation of {name}", rows=rows, notices=tuple(map(Notice, warnings)), data=lambda: data, command=command,
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from clutchid.documents.document import Document, Row
+from clutchid.documents.document import Document, LabelRow
 from clutchid.documents.results import Looked
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def look_document(looked: Looked, command: str = "") -> Document:
     """Document of a look at a file."""
-    rows = (Row(None, looked.contents.table(), fixed=True), Row(None, f"\n{looked.checks}", fixed=True))
+    rows = (LabelRow(None, looked.contents.table(), fixed=True), LabelRow(None, f"\n{looked.checks}", fixed=True))
     return Document("Look at a file", rows=rows, data=lambda: look_json(looked), command=command)
 
 

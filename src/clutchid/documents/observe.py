@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.documents.comparison import two_loads_figure
 from clutchid.documents.diagnosis import limit_blocks
-from clutchid.documents.document import Block, Details, Document, Notice, Picture, Section, Text, page_rows
+from clutchid.documents.document import Block, Chapter, Details, Document, Notice, Picture, Text, page_rows
 from clutchid.documents.figures import draw, draw_duties, fill, label, legend, new_figure, with_gaps
 from clutchid.documents.fit_json import curve_json
 from clutchid.documents.innovations import innovation_blocks
@@ -196,18 +196,18 @@ def _flags(run: ObservedRecording) -> Notice:
     return Notice("Flags", items=tuple(raised)) if raised else Notice("No fault was found.", "good")
 
 
-def observe_sections(run: ObservedRecording) -> list[Section]:
+def observe_sections(run: ObservedRecording) -> list[Chapter]:
     """Load by stroke, samples, innovations, parameters and flags."""
     innovations = innovation_blocks(run.log.name, innovation_statistics(run))
     limits = limit_blocks(observed_verdict(indicators(run)))
     samples = Picture(samples_figure(run), f"{run.log.name}. {_SAMPLES}", "Samples over time", dense=True)
     return [
-        Section("Load by stroke", _by_stroke(run)),
-        Section("Samples", (samples,)),
-        *([Section("Innovations", innovations)] if innovations else []),
-        Section("Parameters", _parameters(run)),
-        Section("Flags", (health_table(run),)),
-        *([Section("Limits of the result", limits)] if limits else []),
+        Chapter("Load by stroke", _by_stroke(run)),
+        Chapter("Samples", (samples,)),
+        *([Chapter("Innovations", innovations)] if innovations else []),
+        Chapter("Parameters", _parameters(run)),
+        Chapter("Flags", (health_table(run),)),
+        *([Chapter("Limits of the result", limits)] if limits else []),
     ]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from clutchid.documents.document import On, Row, labelled
+from clutchid.documents.document import LabelRow, On, labelled
 from clutchid.documents.fit_json import curve_json, errors_json
 from clutchid.documents.fit_rows import POSITIONS, with_interval
 from clutchid.documents.style import MM
@@ -42,7 +42,7 @@ def load_sentence(run: ObservedRecording) -> str:
     )
 
 
-def rows_of(run: ObservedRecording) -> list[Row]:
+def rows_of(run: ObservedRecording) -> list[LabelRow]:
     """The observed recording, its final load where the clutch engages, with the 95 % band, and the trust in it."""
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS])
     halves = ((at.high - at.low) / 2).tolist()
@@ -52,12 +52,12 @@ def rows_of(run: ObservedRecording) -> list[Row]:
     if run.observer.compares:
         about.append(f"innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration")
     return [
-        Row(None, f"observed {run.log.name}: {observe_sentence(run)}", fixed=True, on=On.TERMINAL),
-        Row("load", f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"),
-        Row("trust", judged.trust, judged.trust),
-        Row("", judged.meaning, on=On.PAGE),
-        *(Row("", text) for text in judged.reasons),
-        *([Row("", judged.experience, on=On.PAGE)] if judged.experience else []),
+        LabelRow(None, f"observed {run.log.name}: {observe_sentence(run)}", fixed=True, on=On.TERMINAL),
+        LabelRow("load", f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"),
+        LabelRow("trust", judged.trust, judged.trust),
+        LabelRow("", judged.meaning, on=On.PAGE),
+        *(LabelRow("", text) for text in judged.reasons),
+        *([LabelRow("", judged.experience, on=On.PAGE)] if judged.experience else []),
         *labelled("change", about, On.PAGE),
     ]
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _ROWS, _LABELS, _WIDEST = 12, 8, 100
 
 #: Pressure in Pa at the end of its bar.
-FULL = 10e5
+_FULL = 10e5
 
 #: Characters of the load, of its band, and of the load as calibrated.
 _LOAD, _WITHIN, _CALIBRATED = "*", ".", "o"
@@ -47,7 +47,7 @@ def _pressure(run: LiveRun, part: ObservedRecording, inner: int) -> str:
         return f"{'pressure':>{_LABELS}} unknown"
     text = f" {value / 1e3:.0f} kPa" + (f" +-{half / 1e3:.0f}" if np.isfinite(half) else "")
     size = max(1, inner - len(text) - 2)
-    full = round(size * min(max(value / FULL, 0.0), 1.0))
+    full = round(size * min(max(value / _FULL, 0.0), 1.0))
     return f"{'pressure':>{_LABELS}} [{'#' * full}{' ' * (size - full)}]{text}"
 
 

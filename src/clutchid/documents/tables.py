@@ -244,7 +244,7 @@ def _is_numeric(table: ReportTable, column: int) -> bool:
 
 
 #: Step of the positions in a table of the load in m.
-STEP = 1e-3
+POSITION_STEP = 1e-3
 
 
 def load_table(curve: LoadCurve, reach: float) -> ReportTable:
@@ -256,7 +256,7 @@ def load_table(curve: LoadCurve, reach: float) -> ReportTable:
     )  # fmt: skip
     last = min(reach, float(curve.position[-1])) if np.isfinite(reach) else 0.0
     rows: list[tuple[Cell, ...]] = []
-    for position in np.arange(0.0, last + 1e-9, STEP):
+    for position in np.arange(0.0, last + 1e-9, POSITION_STEP):
         values = (np.interp(position, curve.position, y) for y in (curve.force, curve.low, curve.high))
         rows.append((float(position), *(float(value) for value in values)))
     return ReportTable("Load over position", columns, tuple(rows), note="Up to the reach of the recordings.")

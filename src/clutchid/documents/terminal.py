@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from textwrap import fill
 from typing import NamedTuple
 
-from clutchid.documents.document import Level, Row
+from clutchid.documents.document import LabelRow, Level
 from clutchid.names import printable
 
 #: Least columns of the labels.
@@ -21,7 +21,7 @@ class TextLine(NamedTuple):
     mood: Level = ""
 
 
-def lines_of(rows: Iterable[Row], width: int) -> Iterator[TextLine]:
+def lines_of(rows: Iterable[LabelRow], width: int) -> Iterator[TextLine]:
     """Lines of rows, wrapped at words, without control characters."""
     rows = list(rows)
     margin = max([_LABEL, *(len(row.label or "") + 2 for row in rows)])
@@ -36,6 +36,6 @@ def lines_of(rows: Iterable[Row], width: int) -> Iterator[TextLine]:
             yield TextLine(label if i == 0 else " " * len(label), line, row.mood)
 
 
-def text_of(rows: Iterable[Row], width: int = 80) -> str:
+def text_of(rows: Iterable[LabelRow], width: int = 80) -> str:
     """Rows as plain text."""
     return "\n".join(f"{line.label}{line.text}".rstrip() for line in lines_of(rows, width))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.document import Document, Notice, Picture, Section
+from clutchid.documents.document import Chapter, Document, Notice, Picture
 from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
 from clutchid.documents.results import WornClutch
 from clutchid.documents.style import MM, STYLE, Line
@@ -143,10 +143,10 @@ def wear_document(clutch: WornClutch, command: str = "") -> Document:
     )
 
 
-def _sections(clutch: WornClutch) -> list[Section]:
-    sections = [Section("Recordings", (recordings_table(clutch.wear),))]
+def _sections(clutch: WornClutch) -> list[Chapter]:
+    sections = [Chapter("Recordings", (recordings_table(clutch.wear),))]
     if clutch.curves:
-        sections.insert(0, Section("Load from new to now", (Picture(life_figure(clutch.curves), _LOADS, "Loads"),)))
+        sections.insert(0, Chapter("Load from new to now", (Picture(life_figure(clutch.curves), _LOADS, "Loads"),)))
     return sections
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.documents.document import Row
+from clutchid.documents.document import LabelRow
 from clutchid.documents.style import MM
 from clutchid.documents.terminal import text_of
 from clutchid.parameters import DEFAULTS
@@ -24,7 +24,7 @@ ALARMS = {
 }
 
 
-def rows_of(wear: Wear) -> list[Row]:
+def rows_of(wear: Wear) -> list[LabelRow]:
     """The recordings, the change since the calibration, the alarms, and what is left."""
     rows = [("recordings", recordings_words(wear))]
     if not any(wear.counted):
@@ -33,7 +33,7 @@ def rows_of(wear: Wear) -> list[Row]:
         rows.append(("now", change_words(wear)))
         rows += [("alarm", alarm_words(alarm)) for alarm in wear.alarms]
         rows.append(("left", left_words(wear) or "not known without a limit: --limit, or a table of wear"))
-    return [Row(label, text, "with care" if label == "alarm" else "", fixed=True) for label, text in rows]
+    return [LabelRow(label, text, "with care" if label == "alarm" else "", fixed=True) for label, text in rows]
 
 
 def wear_lines(wear: Wear) -> list[str]:

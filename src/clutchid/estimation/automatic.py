@@ -32,7 +32,7 @@ AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balanc
 
 #: Start values: lag of a sensor in s; decay time of a valve's current and travel time of its armature in carrier
 #: periods, of which one has no influence while the other is 0; delay of an on/off valve.
-LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
+START_LAG, DECAY, TRAVEL, ON_OFF_DELAY = 1.5e-3, 0.1, 0.1, 0.5
 
 #: Standard deviation in Pa at which a search keeps the ambient pressure of a rest with closed valves. Noise may leave
 #: more, but errors of the model move it further: on truck 1 of family B, 20 s from seed 12, with its standard error of
@@ -43,7 +43,7 @@ CLOSED_STD = 100.0
 _LOWEST_STD = 1e3
 
 #: Range in Pa of the ambient pressure on land, and how far the lowest pressure of a recording may lie above it.
-_ON_LAND, VENTED = (0.5e5, 1.2e5), 2e4
+_ON_LAND, _VENTED = (0.5e5, 1.2e5), 2e4
 
 
 def automatic(
@@ -61,7 +61,11 @@ def automatic(
     """
     _check(logs, actuator)
     ambient = ambient_priors(logs, shared=shared)
-    changes = {"P_0": float(np.median([prior.mean for prior in ambient.values()])), "tau_y": LAG, "tau_p": LAG}
+    changes = {
+        "P_0": float(np.median([prior.mean for prior in ambient.values()])),
+        "tau_y": START_LAG,
+        "tau_p": START_LAG,
+    }
     pulsed = replace(actuator, model=WITH_CARRIER) if actuator.model == AUTOMATIC else actuator
     carrier = _carrier(logs[0], pulsed) if _can_switch(pulsed) else {}
     actuator, changes = (pulsed if carrier else actuator), changes | carrier
@@ -144,7 +148,7 @@ def _carrier(log: Log, actuator: Actuator) -> dict[str, float]:
         return {}
     # with duty cycles on a grid, the phases of the valves are those in the pressure, less the lag of its sensor
     start = grid_phase(log, period)
-    later = 0.0 if start is None else centred(phase - start - LAG / period)
+    later = 0.0 if start is None else centred(phase - start - START_LAG / period)
     delays = {f"s_{valve}": actuator.value(f"R_0{valve}") + later for valve in ("vs", "ve")}
     return {"T_pwm": period, **delays, **travels, "a_0vs": DECAY, "a_0ve": DECAY}
 
@@ -156,7 +160,7 @@ def _check(logs: Sequence[Log], actuator: Actuator) -> None:
             problems.append(f"{log.name}: no pressure_a; 'auto' needs a recording with pressure. {FROM_POSITION_ALONE}")
             continue
         lowest = float(np.nanpercentile(log["pressure_a"], 1.0))
-        if not _ON_LAND[0] < lowest < min(_ON_LAND[1] + VENTED, actuator.parameters.P_S):
+        if not _ON_LAND[0] < lowest < min(_ON_LAND[1] + _VENTED, actuator.parameters.P_S):
             unit = pressure_unit(InspectedRecording(log, actuator))
             never = (
                 f"the chamber never vents, its lowest pressure is {lowest / 1e5:.2f} bar; a calibration "

@@ -24,7 +24,7 @@ _REST_SHARE = 0.1
 
 #: Fewest excursions for a bootstrap over them: 8 give a standard deviation with a relative error of 1/sqrt(2 x 7), a
 #: quarter. A recording with fewer is cut into pieces of this length in s.
-FEWEST, _PIECE_LENGTH = 8, 1.0
+FEWEST_EXCURSIONS, _PIECE_LENGTH = 8, 1.0
 
 ExcursionNumbers: TypeAlias = tuple[NDArray[np.int64], ...]
 
@@ -35,7 +35,7 @@ def excursions(problem: Problem) -> ExcursionNumbers:
     An excursion begins with the first window in which the piston is back at rest, and ends before the next such window.
     The chamber is vented there, so that excursions are nearly independent. A rest after the last one belongs to it.
 
-    A recording with fewer than `FEWEST` excursions, or without a return to rest, is cut into equal pieces of
+    A recording with fewer than `FEWEST_EXCURSIONS` excursions, or without a return to rest, is cut into equal pieces of
     about `_PIECE_LENGTH`. The blocks of a bootstrap must be longer than the correlation time of the residuals; a second
     is longer than the lags of sensors and valves and the stick-slip that cause it.
 
@@ -54,7 +54,7 @@ def excursions(problem: Problem) -> ExcursionNumbers:
     for log in dict.fromkeys(track.log for track in problem.tracks):
         mine = [track for track in problem.tracks if track.log == log]
         cut = [_by_returns(track, _REST_SHARE * problem.actuator.parameters.y_max) for track in mine]
-        if sum(int(numbers[-1]) + 1 for numbers in cut) < FEWEST:
+        if sum(int(numbers[-1]) + 1 for numbers in cut) < FEWEST_EXCURSIONS:
             cut = [_equal_pieces(track) for track in mine]
         for numbers in cut:
             result.append(first + numbers)

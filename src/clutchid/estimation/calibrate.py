@@ -32,10 +32,10 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
-from clutchid.numerics.progress import Progress, report
+from clutchid.numerics.progress import Progress, report_stage
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.strokes.vented_pressure import vented_pressure
-from clutchid.strokes.vented_rest import merged, vented_rest
+from clutchid.strokes.vented_rest import merged_levels, vented_rest
 
 
 def fit_with(
@@ -54,18 +54,18 @@ def fit_with(
     DataError, ParameterError
         As `clutchid.fit`.
     """
-    report(progress, "preparation")
+    report_stage(progress, "preparation")
     actuator, free = free_parameters(logs, actuator, request)
     if not method.priors:
         return fit_at(method, method.search(logs, actuator, free, None, progress))
-    if request.continues and request.continues.applies(free.names, free.measure, data_of(logs)):
+    if request.continues and request.continues.applies(free.names, free.measure, _data_of(logs)):
         request, free = continued(request, request.continues, free)
     request = replace(request, profile=actuator.expanded(request.profile))
-    check_size(logs, free)
+    _check_size(logs, free)
     _check_profiled(request, free)
     conditions = conditions_of(logs, actuator)
     search_result, changed, departs = _searched(method, logs, actuator, free, request.calibration, progress)
-    report(progress, "evidence")
+    report_stage(progress, "evidence")
     result, problem = fit_at(method, search_result, request.calibration), search_result.problem
     if result.status == "failed":
         return result
@@ -104,7 +104,7 @@ def _with_calibration(
     start = SearchStart({}, result.scales)
     errors = position_only_errors(method, logs, result.actuator, calibration, start, progress)
     calibration = replace(calibration, position_only=errors, conditions=conditions)
-    report(progress, "innovations")
+    report_stage(progress, "innovations")
     return replace(result, calibration=replace(calibration, nis=usual_nis(result.actuator, calibration, logs)))
 
 
@@ -136,7 +136,7 @@ def _searched(
         return search_result, (), None
     if isinstance(search_result.solution, Failure):
         return search_result, (), None
-    report(progress, "changes")
+    report_stage(progress, "changes")
     explanations = explained(search_result, method.changes, calibration)
     cost = min(explanation.solution.at.cost for explanation in explanations.values())
     best = explanations[most_probable(explanations, calibration)]
@@ -213,7 +213,7 @@ def _check_profiled(request: FitRequest, free: FreeParameters) -> None:
         )
 
 
-def check_size(logs: Sequence[Log], free: FreeParameters) -> None:
+def _check_size(logs: Sequence[Log], free: FreeParameters) -> None:
     """Refuse a request without free parameters, and recordings that are too short for it.
 
     Raises
@@ -241,17 +241,17 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
     return Calibration(
         names,
         result.covariance[np.ix_(at, at)],
-        data=data_of([recording.measured for recording in result.recordings.values()]),
+        data=_data_of([recording.measured for recording in result.recordings.values()]),
         method=result.method,
         theta=result.actuator.load.theta,
         theta_covariance=result.covariance[np.ix_(weights, weights)],
         converged=result.converged,
-        rest=merged([vented_rest(recording.measured) for recording in result.recordings.values()]),
+        rest=merged_levels([vented_rest(recording.measured) for recording in result.recordings.values()]),
         vented=any(vented_pressure(recording.measured) for recording in result.recordings.values()),
     )
 
 
-def data_of(logs: Sequence[Log]) -> dict[str, str]:
+def _data_of(logs: Sequence[Log]) -> dict[str, str]:
     """SHA-256 of the files of recordings by name; "unknown" where a recording is not from a file."""
     return {log.name: log.metadata.get("sha256", "unknown") for log in logs}
 

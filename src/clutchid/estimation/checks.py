@@ -33,7 +33,7 @@ MAX_EVALUATIONS, ROOT_TOLERANCE, MAX_HALF_WIDTHS = 5, 0.03, 4.0
 _MAX_GROWTH, _MIN_INSET = 2.0, 0.1
 
 #: Most repeated searches at the estimate.
-MAX_RESTARTS = 3
+_MAX_RESTARTS = 3
 
 #: The cost is non-quadratic if an end of the interval deviates by more than this fraction of the half width.
 NONQUADRATIC_SHARE = 0.2
@@ -135,7 +135,7 @@ class _Profile:
     def __init__(self, problem: Problem, i: int, solution: ShootingSolution, scale: float) -> None:
         self.problem, self.i, self.scale = problem, i, scale
         self.solutions, self.min_cost = [solution], solution.at.cost
-        for _ in range(MAX_RESTARTS):
+        for _ in range(_MAX_RESTARTS):
             before, repeated = self.min_cost, self.search(float(solution.x[i]))
             self.min_cost = before if isinstance(repeated, Failure) else min(before, repeated.at.cost)
             # keep only the last of the solutions at the estimate, whose x_i differ by rounding
@@ -216,7 +216,7 @@ ProfileInterval = Callable[[Problem, ShootingSolution, Posterior, str], tuple[fl
 _TOO_NARROW = 1.5
 
 
-def checked(
+def with_checked_intervals(
     result: Fit,
     search_result: SearchResult,
     calibration: Calibration | None,

@@ -21,8 +21,8 @@ from clutchid.estimation.verification import on_samples, verified, with_rests
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of, unknown_name
-from clutchid.numerics.progress import Progress, report, within
-from clutchid.preparation.prepare import check_recordings, driven, usable
+from clutchid.numerics.progress import Progress, report_stage, within_stage
+from clutchid.preparation.prepare import check_recordings, with_duty_cycles, with_usable_samples
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.simulation.inputs import with_inputs
 from clutchid.strokes.vented_pressure import with_ambient
@@ -31,7 +31,7 @@ from clutchid.strokes.vented_rest import from_rest
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
 #: Methods by name.
-METHODS: Mapping[str, Method] = MappingProxyType(
+FIT_METHODS: Mapping[str, Method] = MappingProxyType(
     {method.name: method for method in (SIMULATION, SHOOTING, PREDICTION_ERROR)}
 )
 
@@ -42,7 +42,7 @@ def fit_request(
     request: FitRequest,
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
-    methods: Mapping[str, Method] = METHODS,
+    methods: Mapping[str, Method] = FIT_METHODS,
 ) -> Fit:
     """Fit `request` to recordings by one of `methods`, and simulate the recordings `verify` with the result.
 
@@ -58,7 +58,9 @@ def fit_request(
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
     keeps_ambient = not request.automatic and "P_0" not in map(base_of, request.free)
     start, said = with_ambient(start, logs) if keeps_ambient and request.calibration is None else (start, ())
-    ready, apart = (usable(driven(several, start.equipment), start) for several in (logs, verify))
+    ready, apart = (
+        with_usable_samples(with_duty_cycles(several, start.equipment), start) for several in (logs, verify)
+    )
     rested, checked = (
         [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
     )
@@ -70,7 +72,7 @@ def fit_request(
         return result
     calibrated = result.baseline is not None and len(result.baseline.theta) > 0 and result.load_is_fitted
     readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and calibrated else {}
-    report(progress, "verification")
+    report_stage(progress, "verification")
     whole = {log.name: on_samples(result.recordings[log.name], log) for log in recordings}
     return with_rests(
         verified(replace(result, recordings=whole, readings=readings, notes=(*result.notes, *said)), others, request),
@@ -79,7 +81,7 @@ def fit_request(
 
 
 def method_of(
-    request: FitRequest, logs: Sequence[Log], actuator: Actuator, methods: Mapping[str, Method] = METHODS
+    request: FitRequest, logs: Sequence[Log], actuator: Actuator, methods: Mapping[str, Method] = FIT_METHODS
 ) -> Method:
     """The method of a request: the requested one, else that of its calibration, else the simplest that supports it.
 
@@ -122,5 +124,5 @@ def _one_by_one(
     for log in recordings:
         with suppress(DataError):  # too short to be read alone
             alone = request.alone(log.name)
-            readings[log.name] = fit_request([log], start, alone, (), within(progress, "alone"), methods)
+            readings[log.name] = fit_request([log], start, alone, (), within_stage(progress, "alone"), methods)
     return {name: reading for name, reading in readings.items() if reading.status != "failed"}

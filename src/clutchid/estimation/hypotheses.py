@@ -105,8 +105,8 @@ def _candidate(
 ) -> Hypothesis | None:
     """The most probable hypothesis without a search, by the linearisation of the best; None if none may matter."""
     others = [h for h in HYPOTHESES if h not in searched and h not in failed]
-    scores = [score(searched[best].under(h), h, calibration) for h in others]
-    scores += [score(explained.under(h), h, calibration) for h, explained in searched.items()]
+    scores = [hypothesis_score(searched[best].under(h), h, calibration) for h in others]
+    scores += [hypothesis_score(explained.under(h), h, calibration) for h, explained in searched.items()]
     probability = softmax(scores)[: len(others)]
     if not others or probability.max() < _LEAST_PROBABILITY:
         return None
@@ -115,7 +115,7 @@ def _candidate(
 
 def probabilities(searched: Explanations, calibration: Calibration) -> FloatArray:
     """Probability of each hypothesis, in the order of `searched`."""
-    return softmax([score(explained.under(h), h, calibration) for h, explained in searched.items()])
+    return softmax([hypothesis_score(explained.under(h), h, calibration) for h, explained in searched.items()])
 
 
 def flattened(scores: FloatArray, part: float) -> FloatArray:
@@ -128,7 +128,7 @@ def flattened(scores: FloatArray, part: float) -> FloatArray:
     return softmax(part * (scores - odds) + odds - together)
 
 
-def score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Calibration) -> float:
+def hypothesis_score(posterior: GaussianPosterior, hypothesis: Hypothesis, calibration: Calibration) -> float:
     """Logarithm of the odds of a hypothesis: evidence, beyond that in the calibration recordings, and prior odds.
 
     What a change would explain in the calibration recordings, where nothing has changed, is an error of the model.
@@ -166,7 +166,7 @@ _LEAST_RATIO = 0.1
 
 
 #: Least position in m at which a constant error of the load is required: at rest the load of the paper's basis is 0.
-NEAR_REST = 5e-4
+_NEAR_REST = 5e-4
 
 
 class IntervalSettings(NamedTuple):
@@ -184,11 +184,11 @@ class IntervalSettings(NamedTuple):
 
 
 #: As shipped.
-BAND = IntervalSettings()
+INTERVAL_SETTINGS = IntervalSettings()
 
 
 def mixture(
-    searched: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = BAND
+    searched: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = INTERVAL_SETTINGS
 ) -> Mixture:
     """Posterior over the hypotheses: mean over those `searched`, spread over all of them.
 
@@ -212,7 +212,7 @@ def mixture(
         mean = explained.solution.x + posterior.step - shift
         missed = band.missed * _log_friction(problem, mean) * _scale_of_load(problem, mean)
         least = band.least * _constant_load(problem, mean)
-        scores.append(score(posterior, hypothesis, calibration))
+        scores.append(hypothesis_score(posterior, hypothesis, calibration))
         means.append(mean)
         covariances.append(
             np.fmax(1.0, misfit)
@@ -256,7 +256,7 @@ def _constant_load(problem: Problem, x: FloatArray) -> FloatArray:
     load = problem.load_of(x)
     at = [i for i, c in enumerate(problem.coordinates) if c.base in load.names]
     columns = [load.names.index(problem.coordinates[i].base) for i in at]
-    y = np.linspace(NEAR_REST, problem.actuator.parameters.y_max, 100)
+    y = np.linspace(_NEAR_REST, problem.actuator.parameters.y_max, 100)
     phi, direction = load.phi(y)[:, columns] * problem.slopes(x)[at], np.zeros_like(x)
     direction[at] = np.linalg.lstsq(phi, np.full(y.size, load.force(y).max()), rcond=None)[0]
     return direction

@@ -14,7 +14,7 @@ from clutchid.estimation.result import (
     Compared,
     Fit,
     errors_over,
-    load_curve,
+    fitted_curve,
     physical_limits,
     plan_warnings,
 )
@@ -23,7 +23,7 @@ from clutchid.inference.smoother.search import UNLIMITED, Effort
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
-from clutchid.inference.uncertainty.identifiability import listed
+from clutchid.inference.uncertainty.identifiability import in_words
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -123,7 +123,7 @@ def fit_at(method: Method, search_result: SearchResult, calibration: Calibration
     weights = np.asarray(fitted.load.theta) - bias
     fitted = replace(fitted, load=replace(fitted.load, theta=tuple(weights.tolist())))
     covariance = (result.covariance * np.outer(slopes, slopes))[np.ix_(at, at)]
-    curve = load_curve(
+    curve = fitted_curve(
         fitted, [problem.coordinates[i].base for i in at], covariance, result.quantile, DEVIATION_FACTOR * bias
     )
     end, converged = ended(solution.status, solution.evaluations), solution.status == "converged"
@@ -233,7 +233,7 @@ def _identifiable(problem: Problem, matrix: FloatArray) -> tuple[str, ...]:
     determined = [c.name for c in problem.coordinates if not unnamed & {c.base, c.name} and c.name not in from_prior]
     notes = []
     if determined:
-        notes.append(f"determined by the data: {listed(determined)}.")
+        notes.append(f"determined by the data: {in_words(determined)}.")
     if from_prior:
-        notes.append(f"not determined by the data, so that the prior applies: {listed(from_prior)}.")
+        notes.append(f"not determined by the data, so that the prior applies: {in_words(from_prior)}.")
     return tuple(notes)

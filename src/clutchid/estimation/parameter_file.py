@@ -27,7 +27,7 @@ from clutchid.estimation.parameter_tables import (
 from clutchid.estimation.request import Continuation, FitRequest, SearchState
 from clutchid.estimation.result import Fit
 from clutchid.files import small_file, write_text
-from clutchid.files.records import LARGEST, Rule, covariance_problem, plain, read, table, toml_of
+from clutchid.files.records import LARGEST_TOML, Rule, covariance_problem, plain, read, table, toml_of
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -46,7 +46,7 @@ _SECTIONS = ("actuator", "model", "parameters", "recording", "fit")
 _LIBRARIES = ("clutchid", "numpy", "scipy", "numba")
 
 #: Number of `[fit] format`; a file without it has this one.
-FORMAT = 1
+_FORMAT = 1
 
 #: Fields of a calibration in its section, in this order.
 _CALIBRATED = (
@@ -215,10 +215,10 @@ def started(content: ParameterFile, request: FitRequest) -> FitRequest:
     return replace(request, calibration=calibration, continues=content.continuation)
 
 
-def parameter_file(fitted: Fit, trust: str) -> ParameterFile:
+def contents_of_fit(fitted: Fit, trust: str) -> ParameterFile:
     """Contents of a parameter file for a fit with a `trust`, see `clutchid.estimation.assess.verdict`."""
     about = {
-        "format": FORMAT,
+        "format": _FORMAT,
         "status": fitted.status,
         "free": list(fitted.parameters),
         "measure": list(fitted.scales),
@@ -404,7 +404,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
             f"{path}: is for MATLAB, and clutchid does not read it back; save the fit as .toml too (fit LOG --save "
             "FIT.toml), and name that file."
         )
-    content = small_file(path, "parameter file", LARGEST)
+    content = small_file(path, "parameter file", LARGEST_TOML)
     document = toml_of(content, path, "parameter file")
     problems = unknown_names(document, _SECTIONS, "section")
     problems += [
@@ -415,9 +415,9 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     if problems:
         raise ParameterError(_all(path, problems))
     about, recordings = document.get("fit", {}), document.get("recording", {})
-    if "format" in about and about["format"] != FORMAT:
+    if "format" in about and about["format"] != _FORMAT:
         raise ParameterError(
-            f"{path}: [fit] format = {about['format']!r}: this version of clutchid reads format {FORMAT}; use the "
+            f"{path}: [fit] format = {about['format']!r}: this version of clutchid reads format {_FORMAT}; use the "
             "version that saved the file, or save the fit again with this one."
         )
     try:

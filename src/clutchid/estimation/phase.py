@@ -16,26 +16,25 @@ from clutchid.inference.filter.filtering import filtered
 from clutchid.inference.fixed_gains import prediction_errors
 from clutchid.inference.problem import Problem, prior_rows
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log import FloatArray, IntArray, Log, sample_interval
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.threads import map_pairs
 from clutchid.preparation.prepare import CALIBRATED_MARGIN, prepare, with_steps
 from clutchid.preparation.pulses import Duties, FindPhase, centred, duties_in, find_phase
-from clutchid.simulation.run import IntArray
 from clutchid.simulation.stiffness import stiffness
 from clutchid.simulation.windows import Track, tracks, with_window_steps
 
 #: Phases that are tried, Gauss-Newton steps at each, and the length in s of the part of a recording that they are tried
 #: on. Provenance: docs/derivations.md.
-PHASES, STEPS, DURATION = 10, 2, 10.0
+PHASES, _STEPS, DURATION = 10, 2, 10.0
 
 #: Length in s for a slow recording: over 10 s of 100 Hz another phase costs as little (truck A3). Cost with shared
 #: gains, as a multiple of the least, up to which a phase has gains of its own: that of the best one is up to 2.3 % more
 #: (h:9). Phases beside the best one, in tenths: where a sample falls into another period the cost jumps, and no
 #: parabola fits (truck B2).
-_DURATION_SLOW, _MOST_COST, NEAR = 30.0, 1.05, (-1.0 / 3.0, 1.0 / 3.0)
+_DURATION_SLOW, _MOST_COST, _NEAR = 30.0, 1.05, (-1.0 / 3.0, 1.0 / 3.0)
 
 #: Largest step of a parameter in standard deviations of its prior.
 _LARGEST_STEP = 2.0
@@ -80,7 +79,7 @@ def filtered_phase(log: Log, actuator: Actuator, calibration: Calibration) -> fl
         at_phase = partial(_on_grid, once, part, actuator, CALIBRATED_MARGIN * stiffness(actuator))
     problems = [at_phase(centred(at / PHASES)) for at in range(PHASES)]
     adapted = [Adapted(0.0, _start(once)) for _ in problems]
-    for _ in range(STEPS):
+    for _ in range(_STEPS):
         best_first = sorted(range(PHASES), key=lambda at: adapted[at].cost)
         references = (_reference(problems[at], adapted[at].x) for at in best_first)
         reference = next((passed for passed in references if isinstance(passed, _Reference)), None)
@@ -113,8 +112,8 @@ def _finer(
     worth = [at for at in range(PHASES) if adapted[at].cost <= most]
     own = costs_at([problems[at] for at in worth], [adapted[at].x for at in worth])
     best = worth[int(np.argmin(own))]
-    phases = [centred((best + away) / PHASES) for away in (0.0, *NEAR)]
-    beside = costs_at([at_phase(phase) for phase in phases[1:]], [adapted[best].x] * len(NEAR))
+    phases = [centred((best + away) / PHASES) for away in (0.0, *_NEAR)]
+    beside = costs_at([at_phase(phase) for phase in phases[1:]], [adapted[best].x] * len(_NEAR))
     return phases[int(np.argmin([own.min(), *beside]))]
 
 

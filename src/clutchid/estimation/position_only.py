@@ -18,7 +18,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
-from clutchid.numerics.progress import Progress, within
+from clutchid.numerics.progress import Progress, within_stage
 
 
 def position_only_errors(
@@ -43,7 +43,7 @@ def position_only_errors(
     errors = []
     for log in logs:
         search_result = method.search(
-            [log.without("pressure_a")], actuator, free, calibration, within(progress, "position alone")
+            [log.without("pressure_a")], actuator, free, calibration, within_stage(progress, "position alone")
         )
         if not isinstance(search_result.solution, Failure):
             errors.append(_errors(search_result, search_result.solution, log, weighed=method.changes is not None))

@@ -116,7 +116,7 @@ def _correlated_samples(correlation: FloatArray) -> float:
     return float(1.0 + 2.0 * np.sum(correlation[: below[0] if below.size else correlation.size]))
 
 
-def noise_scales(problem: Problem, prediction: Prediction) -> dict[str, float]:
+def innovation_scales(problem: Problem, prediction: Prediction) -> dict[str, float]:
     """Noise scale of each measured column, from the errors less the part due to the state covariance."""
     scales = {}
     for column, name in enumerate(MEASURED):

@@ -17,10 +17,10 @@ import numpy as np
 from clutchid.estimation.method import Method, MethodResult, SearchResult
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.posterior import Posterior, consider_shift, considering
-from clutchid.estimation.prediction import FilterSolution, Prediction, innovations, noise_scales, predict_errors
+from clutchid.estimation.prediction import FilterSolution, Prediction, innovation_scales, innovations, predict_errors
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import Compared, compare, position_and_pressure
+from clutchid.estimation.result import Compared, compare_states, position_and_pressure
 from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.log import FloatArray, Log
@@ -37,14 +37,14 @@ def result(
     problem: Problem, solution: FilterSolution, calibration: Calibration | None, *_: object
 ) -> MethodResult | Failure:
     """Uncertainty at the solution of a search by prediction error, and the filtered recordings there."""
-    uncertain = parameter_uncertainty(problem, solution, calibration)
+    uncertain = _parameter_uncertainty(problem, solution, calibration)
     if isinstance(uncertain, Failure):
         return uncertain
     compared = _recordings(problem, solution, uncertain)
     return MethodResult(uncertain.matrix, compared, notes=_statistics(problem, solution))
 
 
-def parameter_uncertainty(
+def _parameter_uncertainty(
     problem: Problem, solution: FilterSolution, calibration: Calibration | None
 ) -> Posterior | Failure:
     """Uncertainty of the free parameters due to noise and to consider parameters (Schmidt 1966).
@@ -83,7 +83,7 @@ def _recordings(problem: Problem, solution: FilterSolution, uncertain: Posterior
             for name, values in predicted.items():
                 values[at] = plan.log[name][at] - segment.errors[:, list(MEASURED).index(name), 0]
         starts = [position_and_pressure(plan.actuator, segment.states[0]) for _, segment in mine]
-        compared.append(compare(plan, states, starts, predicted, half))
+        compared.append(compare_states(plan, states, starts, predicted, half))
     return compared
 
 
@@ -100,7 +100,7 @@ def _statistics(problem: Problem, solution: FilterSolution) -> tuple[str, ...]:
 
 
 #: Relative decrease of the cost below which a round has converged.
-TOLERANCE = 1e-5
+_TOLERANCE = 1e-5
 
 #: The search has converged if the step of a round is below this many standard deviations. If the step reverses that of
 #: the round before, as stiction can cause, the step size is halved, down to the given fraction; otherwise it is
@@ -109,7 +109,7 @@ CONVERGED_MOVE, _MIN_STEP_SHARE = 0.5, 0.1
 
 #: Most rounds before and after the re-estimation of the sensor noise; most evaluations of a round, and of one in which
 #: all steps of the first evaluations were rejected: within ten the damping grows from 1e-3 beyond its limit of 1e12.
-_COARSE_ROUNDS, _FINE_ROUNDS, MAX_EVALUATIONS, _MAX_REJECTED = 1, 40, 6, 12
+_COARSE_ROUNDS, _FINE_ROUNDS, _MAX_EVALUATIONS, _MAX_REJECTED = 1, 40, 6, 12
 
 
 def predict(
@@ -132,7 +132,7 @@ def predict(
         coarse = search(problem, x, _COARSE_ROUNDS, progress)
         if isinstance(coarse, Failure):
             return SearchResult(problem, coarse)
-        problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse.at)))
+        problem = replace(problem, noise=replace(problem.noise, measured=innovation_scales(problem, coarse.at)))
         x, count = coarse.x, coarse.evaluations
     fine = search(problem, x, _FINE_ROUNDS, progress, count)
     if isinstance(fine, Solution):
@@ -210,8 +210,8 @@ def minimise_round(
         return prediction if isinstance(prediction, Failure) else prediction.linearisation()
 
     start = x, current.linearisation()
-    for evaluations in (MAX_EVALUATIONS, _MAX_REJECTED):
-        minimum = minimise(linearise, start, *problem.bounds(), tolerance=TOLERANCE, max_evaluations=evaluations)
+    for evaluations in (_MAX_EVALUATIONS, _MAX_REJECTED):
+        minimum = minimise(linearise, start, *problem.bounds(), tolerance=_TOLERANCE, max_evaluations=evaluations)
         if minimum.status != "limit" or not np.array_equal(minimum.x, x):
             break
     return minimum

@@ -126,7 +126,7 @@ def _default_bounds(name: str, actuator: Actuator) -> tuple[float, float]:
     return low, row.high
 
 
-SearchStatus = Literal["converged", "stalled", "limit"]
+_SearchStatus = Literal["converged", "stalled", "limit"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ class SearchState:
         Of all free ones: more than `free` if the method freed parameters of its own, such as the phase of the carrier.
     """
 
-    status: SearchStatus
+    status: _SearchStatus
     evaluations: int
     free: tuple[str, ...]
     priors: Mapping[str, Prior]
@@ -179,7 +179,7 @@ class Continuation:
         return same and bool(data) and "unknown" not in data.values() and dict(data) == dict(self.data)
 
 
-def ended(status: SearchStatus, evaluations: int) -> str:
+def ended(status: _SearchStatus, evaluations: int) -> str:
     """End of a search, for messages.
 
     Examples

@@ -95,7 +95,7 @@ class Departure(NamedTuple):
     moved: tuple[Moved, ...] = ()
 
 
-Status = Literal["ok", "warning", "failed"]
+_Status = Literal["ok", "warning", "failed"]
 
 #: Recordings and parameters that the text of a fit names; there may be hundreds.
 _NAMED, _SHOWN = 3, 6
@@ -224,7 +224,7 @@ class Fit:
     'with care'
     """
 
-    status: Status
+    status: _Status
     message: str
     actuator: Actuator
     parameters: Mapping[str, Estimate]
@@ -351,7 +351,7 @@ class Compared(NamedTuple):
     shown: tuple[Log, Log]
 
 
-def compare(
+def compare_states(
     plan: Plan,
     states: FloatArray,
     starts: Sequence[tuple[float, float]],
@@ -384,7 +384,7 @@ def position_and_pressure(actuator: Actuator, state: FloatArray) -> tuple[float,
     return float(state[actuator.states.index("y")]), float(state[actuator.states.index("p_A")])
 
 
-def load_curve(
+def fitted_curve(
     actuator: Actuator, names: Sequence[str], covariance: FloatArray, quantile: float, bias: FloatArray | None = None
 ) -> LoadCurve:
     """The load with its pointwise 95 % interval.
@@ -429,7 +429,7 @@ def calibrated_curve(actuator: Actuator, calibration: Calibration) -> LoadCurve 
     if len(calibration.theta) != len(load.theta):
         return None
     calibrated = replace(actuator, load=replace(load, theta=calibration.theta))
-    return load_curve(calibrated, load.names, calibration.theta_covariance, QUANTILE)
+    return fitted_curve(calibrated, load.names, calibration.theta_covariance, QUANTILE)
 
 
 def physical_limits(actuator: Actuator, name: str) -> tuple[float, ...]:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.checks import checked
+from clutchid.estimation.checks import with_checked_intervals
 from clutchid.estimation.departure import misfit
 from clutchid.estimation.method import ChangeFunctions, Method, MethodResult, SearchResult
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.posterior import Posterior, parameter_uncertainty, pressure_deviations
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
-from clutchid.estimation.result import Compared, compare, position_and_pressure
+from clutchid.estimation.result import Compared, compare_states, position_and_pressure
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import noise_scales, sensor_outputs, trajectory
@@ -61,7 +61,7 @@ def _recordings(problem: Problem, solution: ShootingSolution, uncertain: Posteri
         first = [X[0] for track, X in zip(problem.tracks, solution.at.X, strict=True) if track.log == number]
         starts = [position_and_pressure(problem.actuator, state) for state in first]
         half = _half_width(problem, number, deviations, len(states))
-        compared.append(compare(plan, states, starts, sensor_outputs(problem, solution, number, states), half))
+        compared.append(compare_states(plan, states, starts, sensor_outputs(problem, solution, number, states), half))
     return compared
 
 
@@ -78,16 +78,16 @@ def _half_width(problem: Problem, log: int, deviations: list[FloatArray], sample
 
 #: Correlation time in s of what the model misses in a measurement, so that ten samples at 1 kHz are weighted as one.
 #: A load from position alone comes closer to the truth, and calibrations converge, see docs/derivations.md.
-MEMORY = 0.01
+MODEL_MEMORY = 0.01
 
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
-MAX_RESTARTS, _SAME_COST = 4, 3e-3
+_MAX_RESTARTS, _SAME_COST = 4, 3e-3
 
-#: Most evaluations of each search of a reading. The search without a change ends after `PATIENCE` if its cost is above
+#: Most evaluations of each search of a reading. The search without a change ends after `_PATIENCE` if its cost is above
 #: `HOPELESS` times that of the calibration recordings; those with a change go on from there. Of changed trucks none
 #: took more than 184 evaluations, or cost more than 3.2 times as much (docs/derivations.md, "Changes since the
 #: calibration").
-MOST_EVALUATIONS, PATIENCE, HOPELESS = 300, 100, 5.0
+MOST_EVALUATIONS, _PATIENCE, HOPELESS = 300, 100, 5.0
 
 
 def shoot(
@@ -132,7 +132,7 @@ def problem_of(
 ) -> Problem:
     """The problem of `shoot`; `find` is the function that finds the phase of a carrier."""
     problem = fit_problem(logs, actuator, free, calibration, find or phase_finder(actuator, free, calibration))
-    return replace(problem, noise=replace(problem.noise, memory=MEMORY))
+    return replace(problem, noise=replace(problem.noise, memory=MODEL_MEMORY))
 
 
 def _ended(problem: Problem, solution: ShootingSolution | Failure) -> ShootingSolution | Failure:
@@ -148,7 +148,7 @@ def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | No
     if not problem.changing or calibration is None or calibration.position_only is None:
         return UNLIMITED
     usual = calibration.position_only.misfit / misfit(1.0, logs)
-    return Effort(MOST_EVALUATIONS, PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
+    return Effort(MOST_EVALUATIONS, _PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
 
 
 def _fine(
@@ -162,7 +162,7 @@ def _fine(
     best = search(problem, x, X, FINE_STAGE, progress, before, effort)
     if isinstance(best, Solution):
         best = replace(best, starts=(Start(INITIAL_VALUES, best.at.cost, best.status),))
-    for number in range(1, MAX_RESTARTS + 1):
+    for number in range(1, _MAX_RESTARTS + 1):
         if isinstance(best, Failure) or best.status != "stalled" or effort.is_spent(best.evaluations, best.at.cost):
             return best
         again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
@@ -210,7 +210,7 @@ SHOOTING = Method(
     shoot,
     linearise,
     result,
-    check=checked,
+    check=with_checked_intervals,
     changes=ChangeFunctions(refine, _settled),
     partition="multiple shooting uses its own windows",
 )

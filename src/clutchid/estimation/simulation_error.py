@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.method import Method, MethodResult, SearchResult
 from clutchid.estimation.request import FreeParameters, bounds_of
-from clutchid.estimation.result import Compared, Recording, compare
+from clutchid.estimation.result import Compared, Recording, compare_states
 from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.inference.uncertainty.gaussian import Covariance, natural_sizes, sandwich
-from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, listed
+from clutchid.inference.uncertainty.identifiability import identifiability_warnings, identifiable, in_words
 from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
@@ -54,7 +54,7 @@ from clutchid.simulation.run import (
 from clutchid.simulation.stiffness import stiffness_over, top_speed
 
 #: A recording with a smaller range of positions, in m, has no motion.
-REST_RANGE = 5e-4
+_REST_RANGE = 5e-4
 
 #: Factors on the initial load weights that the coarse stage tries.
 COARSE_FACTORS = (1.0, 0.6, 0.8, 1.25, 1.6)
@@ -90,7 +90,7 @@ def problem_of(logs: Sequence[Log], actuator: Actuator, free: FreeParameters, *_
 
 def evaluated(problem: Problem, x: FloatArray, _: Sequence[FloatArray] = ()) -> Linearisation | Failure:
     """The residuals at x, which has the unknown starts of segments; there are no windows."""
-    return linearise(problem, x)
+    return linearise_segments(problem, x)
 
 
 def _prepared(logs: Sequence[Log], actuator: Actuator, free: FreeParameters) -> tuple[Problem, FloatArray]:
@@ -170,7 +170,7 @@ def _start(
 def _has_motion(problem: Problem) -> bool:
     """Whether the piston moves in any recording; without motion no parameter of the actuator can be determined."""
     spans = [p.log["position"][np.isfinite(p.log["position"])] for p in problem.plans]
-    return any(span.size > 0 and float(np.ptp(span)) > REST_RANGE for span in spans)
+    return any(span.size > 0 and float(np.ptp(span)) > _REST_RANGE for span in spans)
 
 
 def _check_size(problem: Problem) -> None:
@@ -205,7 +205,7 @@ def two_stages(
     def evaluate(at: FloatArray, stage: Stage) -> Linearisation | Failure:
         nonlocal cost
         report(stage)
-        linearisation = linearise(problem, at)
+        linearisation = linearise_segments(problem, at)
         if isinstance(linearisation, Linearisation):
             cost = float(np.fmin(cost, linearisation.cost))
         return linearisation
@@ -274,7 +274,7 @@ def _best_start(problem: Problem, trials: Sequence[_Trial]) -> tuple[_Trial, Lin
     """The trial that costs least, linearised."""
     failure = None
     for trial in sorted(trials, key=lambda trial: trial.cost(problem.noise)):
-        linearisation = linearise(problem, trial.x)
+        linearisation = linearise_segments(problem, trial.x)
         if isinstance(linearisation, Linearisation):
             return trial, linearisation
         failure = failure or linearisation
@@ -358,7 +358,7 @@ class SegmentResiduals(NamedTuple):
         return self.rows[:, -1]
 
 
-def linearise(problem: Problem, x: FloatArray) -> Linearisation | Failure:
+def linearise_segments(problem: Problem, x: FloatArray) -> Linearisation | Failure:
     """Compressed residuals and Jacobian at `x`; a `Failure` if a simulation fails or parameters are contradictory."""
     return _linearised(residuals(problem, x), x.size)
 
@@ -492,8 +492,8 @@ def furthest(logs: Sequence[Log]) -> float:
 
 def _resting(names: Sequence[str]) -> str:
     return (
-        f"the recording has no motion, so it cannot determine {listed(names) or 'the actuator'}; the start values are "
-        "kept, the intervals are infinite."
+        f"the recording has no motion, so it cannot determine {in_words(names) or 'the actuator'}; the start values "
+        "are kept, the intervals are infinite."
     )
 
 
@@ -516,7 +516,7 @@ def _recordings(problem: Problem, x: FloatArray, fitted: Actuator) -> list[Compa
     for prepared, segment, at in _segments(problem):
         starts[prepared.log.name].append(_start(problem, segment, at, x, fitted))
     return [
-        compare(prepared, simulated_states(problem, x, number), starts[prepared.log.name])
+        compare_states(prepared, simulated_states(problem, x, number), starts[prepared.log.name])
         for number, prepared in enumerate(problem.plans)
     ]
 

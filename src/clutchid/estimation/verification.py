@@ -16,7 +16,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
 from clutchid.parameters import Parameters
-from clutchid.preparation.prepare import check_recordings, driven
+from clutchid.preparation.prepare import check_recordings, with_duty_cycles
 from clutchid.preparation.pulses import Pulsed, pulsed_without_sensors
 from clutchid.simulation.inputs import at_samples, with_inputs
 from clutchid.simulation.partition import Partition
@@ -105,7 +105,7 @@ def verification(
     """
     recordings: dict[str, Recording] = {}
     warnings: list[str] = []
-    for recording in driven(logs, actuator.equipment):
+    for recording in with_duty_cycles(logs, actuator.equipment):
         log = with_inputs(recording)
         used = tuple(name for name in measure if name in log) or ("position",)
         own = pulsed_without_sensors(log, actuator) if through_sensors else Pulsed(log, actuator)

@@ -182,7 +182,7 @@ def make_folder(folder: Path, option: str = "") -> None:
         raise ExportError(f"{named}: the folder cannot be created ({reason_of(error)}); name another one.") from error
 
 
-def opened(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
+def opened_file(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
     """The plain file at `path`, open for reading; `what` names it in messages.
 
     Raises
@@ -221,14 +221,14 @@ def reading(path: str | PathLike[str]) -> Iterator[None]:
 
 
 def plain_file(path: str | PathLike[str], what: str = "recording") -> Path:
-    """Check that `path` can be `opened`, for files that a library opens.
+    """Check that `path` can be `opened_file`, for files that a library opens.
 
     Raises
     ------
     DataError
-        As `opened`.
+        As `opened_file`.
     """
-    opened(path, what).close()
+    opened_file(path, what).close()
     return Path(path)
 
 
@@ -238,9 +238,9 @@ def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
     Raises
     ------
     DataError
-        As `opened`, or if it is larger.
+        As `opened_file`, or if it is larger.
     """
-    with opened(path, what) as stream, reading(path):
+    with opened_file(path, what) as stream, reading(path):
         content = stream.read(most + 1)
     if len(content) > most:
         raise DataError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
@@ -253,10 +253,10 @@ def digest(path: Path) -> str:
     Raises
     ------
     DataError
-        As `opened`, or if it cannot be read.
+        As `opened_file`, or if it cannot be read.
     """
     total = hashlib.sha256()
-    with opened(path, "file") as file, reading(path):
+    with opened_file(path, "file") as file, reading(path):
         while chunk := file.read(_CHUNK):
             total.update(chunk)
     return total.hexdigest()

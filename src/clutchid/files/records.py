@@ -19,7 +19,7 @@ from clutchid.files import small_file
 from clutchid.names import unknown_name, unknown_names
 
 #: Bytes of a TOML file; the largest that clutchid writes, a calibration with many recordings, has a fifth of it.
-LARGEST = 4_000_000
+LARGEST_TOML = 4_000_000
 
 
 def read_toml(path: str | PathLike[str], what: str) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def read_toml(path: str | PathLike[str], what: str) -> dict[str, Any]:
     ParameterError
         If it is no TOML.
     """
-    return toml_of(small_file(path, what, LARGEST), path, what)
+    return toml_of(small_file(path, what, LARGEST_TOML), path, what)
 
 
 def toml_of(content: bytes, path: str | PathLike[str], what: str) -> dict[str, Any]:

@@ -140,14 +140,14 @@ def check_scheduler(client: Client, address: str, seconds: float) -> None:
             )
 
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 #: Items at the scheduler at a time: enough for hundreds of workers, and its memory does not grow with the fleet.
 _WINDOW = 1000
 
 #: Items that are given to the scheduler together.
-BATCH = 100
+_BATCH = 100
 
 #: Time in s that a scheduler, its first worker, and then all of its workers have to answer.
 ANSWER = 4.0
@@ -183,8 +183,8 @@ ONE_WORKER = Workers()
 
 
 def results(
-    work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
-) -> Iterator[FinishedWork[Item, Result]]:
+    work: Callable[[_Item], _Result], items: Iterable[_Item], workers: Workers
+) -> Iterator[FinishedWork[_Item, _Result]]:
     """Results in order of completion; work that ends its process or takes too long is a `LostWork` with a sentence.
 
     Parameters
@@ -249,16 +249,16 @@ def connected(workers: Workers) -> Iterator[Client]:
 
 
 def _spread(
-    client: Client, work: Callable[[Item], Result], items: Iterable[Item], workers: Workers
-) -> Iterator[FinishedWork[Item, Result]]:
+    client: Client, work: Callable[[_Item], _Result], items: Iterable[_Item], workers: Workers
+) -> Iterator[FinishedWork[_Item, _Result]]:
     """Results of the workers of a scheduler; an item whose worker is lost is submitted again."""
     from distributed import as_completed
 
     waiting, todo = iter(items), as_completed()
-    attempts: dict[Future[Any], tuple[Item, int]] = {}
+    attempts: dict[Future[Any], tuple[_Item, int]] = {}
     there = partial(_done_there, work, Limits(workers.seconds, workers.memory))
 
-    def submit(some: Sequence[Item], attempt: int) -> None:
+    def submit(some: Sequence[_Item], attempt: int) -> None:
         futures = client.map(there, some, pure=False)
         attempts.update((future, (item, attempt)) for future, item in zip(futures, some, strict=True))
         todo.update(futures)
@@ -273,13 +273,13 @@ def _spread(
                 yield outcome
             else:
                 yield FinishedWork(item, outcome or LostWork("killed", f"{_ATTEMPTS} workers were lost with it."), 0.0)
-        if len(attempts) <= _WINDOW - BATCH:
+        if len(attempts) <= _WINDOW - _BATCH:
             submit(list(islice(waiting, _WINDOW - len(attempts))), 1)
     with suppress(TimeoutError, OSError):
         client.sync(client._run, _rest, callback_timeout=ANSWER)
 
 
-def _done_there(work: Callable[[Item], Result], limits: Limits, item: Item) -> FinishedWork[Item, Result]:
+def _done_there(work: Callable[[_Item], _Result], limits: Limits, item: _Item) -> FinishedWork[_Item, _Result]:
     """On a worker of Dask: the result of its worker process; by default with the memory limit of that worker."""
     from distributed import get_worker
 

@@ -19,7 +19,7 @@ from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
 from clutchid.verbs.saving import loads_path
-from clutchid.wear.life import COUNTED
+from clutchid.wear.life import COUNTED_OUTCOMES
 from clutchid.wear.trend import LIFE
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _columns(path: Path) -> Sequence[str]:
     return _read(path, most=0).columns
 
 
-def opened(path: Path, below: Path, vehicle: str | None) -> dict[str, Any]:
+def opened_results(path: Path, below: Path, vehicle: str | None) -> dict[str, Any]:
     """A vehicle, or a fleet, from the files of a run.
 
     Parameters
@@ -204,7 +204,7 @@ def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
         last = group.row(-1, named=True)
         row = {
             "vehicle": name, "recordings": group.height, "axis": last.get("axis"), "last": _last(group["begin"]),
-            "counted": sum(outcome in COUNTED for outcome in group["outcome"]),
+            "counted": sum(outcome in COUNTED_OUTCOMES for outcome in group["outcome"]),
             "alarms": "; ".join(ALARMS.get(kind, kind) for text in group["alarm"] if text for kind in text.split(", ")),
         }  # fmt: skip
         counts = bool(row["counted"])
@@ -334,7 +334,7 @@ def _trend(rows: pl.DataFrame) -> dict[str, Any]:
     limit = _number(last["limit [m]"])
     return {
         "axis": rows["axis"][0], "along": [_number(value) for value in rows["along"]],
-        "counted": sum(outcome in COUNTED for outcome in rows["outcome"]),
+        "counted": sum(outcome in COUNTED_OUTCOMES for outcome in rows["outcome"]),
         "bands": {name: band(name, " smoothed") for name in units if name in quantities},
         "now": {name: [side[-1] for side in band(name, "")] for name in units if name in quantities},
         "limit": None if limit is None else {"of": "wear" if "wear" in quantities else "shift", "value": limit},

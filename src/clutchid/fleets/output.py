@@ -26,7 +26,7 @@ from clutchid.systems import is_device
 from clutchid.verbs.tracking import LifeLimits, Tracked, load_frame, table_of, tracked
 from clutchid.verbs.wear_reading import RecordingResult, counted_once, without_result
 from clutchid.wear.history import Listed, arranged
-from clutchid.wear.life import UNKNOWN
+from clutchid.wear.life import UNKNOWN_INTERVAL
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class RecordingRow(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def rows_of(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
+def recording_rows(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
     """Every recording of a fleet in the order of vehicle and name; duplicates count once."""
     merged, again = tee(_merged(fleet.jobs, store.results()))
     named = (
@@ -104,7 +104,7 @@ def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False
     results: list[Mapping[str, object]] = []
     timings: list[tuple[str, str, float]] = []
     make_folder(out / CURVES)
-    rows, part = rows_of(fleet, store), 0
+    rows, part = recording_rows(fleet, store), 0
     rows = _with_warnings(fleet, rows) if trends else rows
     while some := list(islice(rows, _PART)):
         statuses.update(row.read.reading.status for row in some)
@@ -181,7 +181,7 @@ def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) ->
     limits
         What ends a life, by type.
     """
-    for vehicle, group in groupby(rows_of(fleet, store), key=lambda row: row.job.vehicle):
+    for vehicle, group in groupby(recording_rows(fleet, store), key=lambda row: row.job.vehicle):
         rows = list(group)
         names, kind = [row.job.recording for row in rows], rows[0].job.type
         table = _rows_of_table(fleet, vehicle, names)
@@ -275,12 +275,13 @@ def _row(vehicle: FleetVehicle, page: str) -> VehicleRow:
     wear = vehicle.tracked.wear
     counted = sum(wear.counted)
     now = wear.present if counted else {}
-    left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN
+    left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
     last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
     return VehicleRow(
         wear.vehicle, vehicle.type, len(wear.dated), counted, Counter(read.status for read in wear.readings), last,
-        now.get("shift", UNKNOWN), now.get("load", UNKNOWN), now.get("wear", UNKNOWN), wear.present_rate.value, left,
-        wear.axis, tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
+        now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
+        wear.present_rate.value, left, wear.axis,
+        tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
         wear.warnings,
     )  # fmt: skip
 

@@ -99,7 +99,7 @@ class Store:
 
 
 @contextmanager
-def store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
+def run_store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
     """The store of the run in a folder, new or existing.
 
     Parameters

@@ -14,7 +14,7 @@ from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, fleet_of, read_all, tasks
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
-from clutchid.fleets.store import store
+from clutchid.fleets.store import run_store
 from clutchid.names import as_text
 from clutchid.verbs.start import start_file
 from clutchid.verbs.tracking import LifeLimits
@@ -129,7 +129,7 @@ def fleet(
         start_file(calibrations)  # a broken one is one sentence, not one a recording
     how = "observe" if verb == "observe" else "fit"
     options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), how)
-    with store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
+    with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
         todo = tasks(listed, options, base, retry=retry)
         if todo:
             read_all(place, options, todo, base, progress or (lambda _done, _all: None))

@@ -106,7 +106,7 @@ STATES: Mapping[str, State] = MappingProxyType({
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class ColumnSensor:
     """The sensor of a measured column, in SI.
 
     Parameters
@@ -132,16 +132,16 @@ class Sensor:
 
 
 #: All columns that a fit can be compared with, in the order in which the kernels take them.
-MEASURED: Mapping[str, Sensor] = MappingProxyType({
-    "position": Sensor(state="y", lag="tau_y", offset="e_y", noise=5e-5, first_scale=1e-4, shown=("mm", 1e3)),
-    "pressure_a": Sensor(state="p_A", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)),
+MEASURED: Mapping[str, ColumnSensor] = MappingProxyType({
+    "position": ColumnSensor(state="y", lag="tau_y", offset="e_y", noise=5e-5, first_scale=1e-4, shown=("mm", 1e3)),
+    "pressure_a": ColumnSensor(state="p_A", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)),
 })  # fmt: skip
 
 #: All sensors: those, and that of the vehicle's air supply, which an observer corrects by while no valve is open; both
 #: pressure sensors are taken to be as slow.
-SENSORS: Mapping[str, Sensor] = MappingProxyType({
+SENSORS: Mapping[str, ColumnSensor] = MappingProxyType({
     **MEASURED,
-    "pressure_supply": Sensor(
+    "pressure_supply": ColumnSensor(
         state="p_S", lag="tau_p", offset="e_p", noise=3e3, first_scale=1e4, shown=("kPa", 1e-3)
     ),
 })  # fmt: skip

@@ -14,7 +14,7 @@ from clutchid.errors import DataError
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class ScaledUnit:
     """A unit as an affine map to SI: ``si = scale * value + offset``, plus the ambient pressure where `gauge`."""
 
     si: str
@@ -25,35 +25,35 @@ class Unit:
 
 _PRESSURES = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "mbar": 1e2, "bar": 1e5, "psi": 6894.757293168361}
 
-UNITS: dict[str, Unit] = {
-    "s": Unit("s", 1.0),
-    "ms": Unit("s", 1e-3),
-    "us": Unit("s", 1e-6),
-    "µs": Unit("s", 1e-6),
-    "ns": Unit("s", 1e-9),
-    "100ns": Unit("s", 1e-7),
-    "min": Unit("s", 60.0),
-    "h": Unit("s", 3600.0),
-    "d": Unit("s", 86400.0),
-    "m": Unit("m", 1.0),
-    "cm": Unit("m", 1e-2),
-    "mm": Unit("m", 1e-3),
-    "um": Unit("m", 1e-6),
-    "µm": Unit("m", 1e-6),
-    "1": Unit("1", 1.0),
-    "%": Unit("1", 1e-2),
-    "m/s": Unit("m/s", 1.0),
-    "mm/s": Unit("m/s", 1e-3),
-    "N": Unit("N", 1.0),
-    "kN": Unit("N", 1e3),
-    "mN": Unit("N", 1e-3),
-    "uN": Unit("N", 1e-6),
-    "µN": Unit("N", 1e-6),
-    "K": Unit("K", 1.0),
-    "degC": Unit("K", 1.0, 273.15),
-    "°C": Unit("K", 1.0, 273.15),
-    **{name: Unit("Pa", scale) for name, scale in _PRESSURES.items()},
-    **{f"{name}(g)": Unit("Pa", scale, gauge=True) for name, scale in _PRESSURES.items()},
+UNITS: dict[str, ScaledUnit] = {
+    "s": ScaledUnit("s", 1.0),
+    "ms": ScaledUnit("s", 1e-3),
+    "us": ScaledUnit("s", 1e-6),
+    "µs": ScaledUnit("s", 1e-6),
+    "ns": ScaledUnit("s", 1e-9),
+    "100ns": ScaledUnit("s", 1e-7),
+    "min": ScaledUnit("s", 60.0),
+    "h": ScaledUnit("s", 3600.0),
+    "d": ScaledUnit("s", 86400.0),
+    "m": ScaledUnit("m", 1.0),
+    "cm": ScaledUnit("m", 1e-2),
+    "mm": ScaledUnit("m", 1e-3),
+    "um": ScaledUnit("m", 1e-6),
+    "µm": ScaledUnit("m", 1e-6),
+    "1": ScaledUnit("1", 1.0),
+    "%": ScaledUnit("1", 1e-2),
+    "m/s": ScaledUnit("m/s", 1.0),
+    "mm/s": ScaledUnit("m/s", 1e-3),
+    "N": ScaledUnit("N", 1.0),
+    "kN": ScaledUnit("N", 1e3),
+    "mN": ScaledUnit("N", 1e-3),
+    "uN": ScaledUnit("N", 1e-6),
+    "µN": ScaledUnit("N", 1e-6),
+    "K": ScaledUnit("K", 1.0),
+    "degC": ScaledUnit("K", 1.0, 273.15),
+    "°C": ScaledUnit("K", 1.0, 273.15),
+    **{name: ScaledUnit("Pa", scale) for name, scale in _PRESSURES.items()},
+    **{f"{name}(g)": ScaledUnit("Pa", scale, gauge=True) for name, scale in _PRESSURES.items()},
 }
 
 _ABSOLUTE_PRESSURES = {

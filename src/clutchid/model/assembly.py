@@ -23,14 +23,14 @@ from clutchid.model.opening import (
 from clutchid.parameters import Parameters, in_order
 
 #: Duty cycles, phase and step of the valves' carrier, and the duty cycles one period of it before.
-INPUTS = ("u_vs", "u_ve", "c_pwm", "d_pwm", "u_vs1", "u_ve1")
+VALVE_INPUTS = ("u_vs", "u_ve", "c_pwm", "d_pwm", "u_vs1", "u_ve1")
 
 
 class Book:
     """Symbols by name; ``book.define(name, value)`` adds a named expression, in the order of computation."""
 
     def __init__(self, states: tuple[str, ...]) -> None:
-        names = (*states, *Parameters.names(), *INPUTS, "f_l", "y_measured", "p_A_measured")
+        names = (*states, *Parameters.names(), *VALVE_INPUTS, "f_l", "y_measured", "p_A_measured")
         self._symbols: dict[str, Expr] = {name: sp.Symbol(name, real=True) for name in names}
         self.states = states
         self.rows: list[tuple[Expr, Expr]] = []

@@ -87,7 +87,8 @@ def parameter_names(model: Model) -> tuple[str, ...]:
 def kernels(model: Model) -> ModuleType:
     """Kernels of `model`: ``run``, ``run_all`` and ``linearise``, and its ``terms`` one after the other.
 
-    The module has ``opening`` and ``passed_pulses`` of `functions` too. A warm call neither imports SymPy nor compiles.
+    The module has ``opening`` and ``passed_pulses`` of `compiled_functions` too. A warm call neither imports SymPy nor
+    compiles.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def kernels(model: Model) -> ModuleType:
     check_model(model)
     module = load_module(_module_name(model), _sources(), lambda: _kernels_text(model))
     for name in ("opening", "passed_pulses"):
-        setattr(module, name, getattr(functions(), name))
+        setattr(module, name, getattr(compiled_functions(), name))
     return module
 
 
@@ -145,8 +146,8 @@ def step(model: Model, few: bool = False) -> Any:
 
 
 @cache
-def prepare(model: Model, few: bool = False) -> Any:
-    """The kernel ``prepare`` of `model`, as `step`: it computes what `step` needs of changed parameters.
+def preparation_kernel(model: Model, few: bool = False) -> Any:
+    """The kernel ``preparation_kernel`` of `model`, as `step`: it computes what `step` needs of changed parameters.
 
     Raises
     ------
@@ -163,7 +164,7 @@ def prepare(model: Model, few: bool = False) -> Any:
 
 
 @cache
-def functions() -> ModuleType:
+def compiled_functions() -> ModuleType:
     """Compiled functions of the equations of all variants.
 
     ``paper_table`` is the table of the load's basis, ``opening`` and ``passed_pulses`` those of the valves for arrays.
@@ -193,14 +194,14 @@ def compile_ahead(models: Iterable[Model] = tuple(VARIANTS)) -> None:
         module.run_all.compile((x, matrix, *plan, fixed, matrix, basis, *[places] * 5, places, matrix, cube))
         module.linearise.compile((matrix, matrix, x, fixed, matrix, matrix, cube))
         for few in (False, True)[: 1 + bool(module.FREQUENT)]:
-            prepare(model, few)
+            preparation_kernel(model, few)
             step(model, few)
-    functions().opening.compile((x, types.float64, types.float64))
-    functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
+    compiled_functions().opening.compile((x, types.float64, types.float64))
+    compiled_functions().passed_pulses.compile((x, x, x, x, types.float64, types.float64))
 
 
 def write_texts(folder: Path) -> list[Path]:
-    """The texts of `kernels` for all variants and of `functions`, as files in `folder` that a wheel brings along."""
+    """The texts of `kernels` for all variants and of `compiled_functions`, as files that a wheel brings along."""
     texts = {_module_name(variant): _kernels_text(variant) for variant in VARIANTS} | {"functions": _functions_text()}
     texts |= {_lanes_name(variant, count): _lanes_text(variant, count) for variant in VARIANTS for count in LANES}
     return [keep_text(folder, name, _sources(), text) for name, text in texts.items()]

@@ -7,7 +7,7 @@ from functools import cache
 import sympy as sp
 
 from clutchid.codegen.system import Expr, System
-from clutchid.model.assembly import INPUTS, Book, assembled, friction_and_stops, gated, openings, spool_openings
+from clutchid.model.assembly import VALVE_INPUTS, Book, assembled, friction_and_stops, gated, openings, spool_openings
 from clutchid.model.chambers import (
     heat_flow,
     heated_pressure_rate,
@@ -22,7 +22,7 @@ from clutchid.model.opening import spool_rate
 from clutchid.model.supply import governor_rate, reservoir_rate
 from clutchid.model.valves import iso_flow, leak_flow, orifice_flow, thermal_factor
 
-STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
+_STATES = ("y", "v", "p_A", "p_B", "z", "T_A", "T_B", "p_S", "p_G", "z_h")
 _SPOOLS = ("x_vs", "x_ve")
 
 
@@ -56,7 +56,7 @@ def energy_balance(stribeck: bool = False, proportional: bool = False) -> System
     >>> [str(state) for state in energy_balance().states]
     ['y', 'v', 'p_A', 'p_B', 'z', 'T_A', 'T_B', 'p_S', 'p_G', 'z_h']
     """
-    states = (*STATES, *_SPOOLS) if proportional else STATES
+    states = (*_STATES, *_SPOOLS) if proportional else _STATES
     b = Book(states)
     if proportional:
         spool_openings(b)
@@ -82,7 +82,7 @@ def energy_balance(stribeck: bool = False, proportional: bool = False) -> System
         deflection_rate(b["v"], b["z_h"], b["K_h"], slips_at),
         *(spool_rate(b[f"u_{valve}"], b[f"x_{valve}"], b[f"tau_{valve}"]) for valve in ("vs", "ve") if proportional),
     )
-    return assembled(b, "energy_balance" + "_stribeck" * stribeck + "_proportional" * proportional, INPUTS, rates)
+    return assembled(b, "energy_balance" + "_stribeck" * stribeck + "_proportional" * proportional, VALVE_INPUTS, rates)
 
 
 def _gas_rates(b: Book) -> tuple[Expr, Expr, Expr, Expr]:

@@ -10,7 +10,7 @@ from clutchid.model.chambers import pressure_rate, volume_a, volume_b
 from clutchid.model.motion import acceleration
 from clutchid.model.valves import breathing_flow, orifice_flow
 
-STATES = ("y", "v", "p_A", "p_B", "z")
+_STATES = ("y", "v", "p_A", "p_B", "z")
 
 
 @cache
@@ -38,7 +38,7 @@ def isothermal(stribeck: bool = False) -> System:
     >>> [str(state) for state in isothermal().states]
     ['y', 'v', 'p_A', 'p_B', 'z']
     """
-    b = Book(STATES)
+    b = Book(_STATES)
     openings(b)
     air = b.all("rho_0", "B_0", "r_lam")
     w_vs = b.define("w_vs", gated(b["y_vs"], orifice_flow(*b.all("P_S", "p_A", "C_vs", "B_vs"), *air)))

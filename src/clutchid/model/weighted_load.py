@@ -11,7 +11,7 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, read_only
-from clutchid.model.compiled import functions
+from clutchid.model.compiled import compiled_functions
 from clutchid.names import check_names
 
 #: Knots in m: dense where the clutch takes hold and where the diaphragm spring turns, as wide as the change allows.
@@ -253,5 +253,5 @@ class Load:
 
 @cache
 def _basis_table(basis: str, knots: tuple[float, ...], phi2_slope: float) -> tuple[FloatArray, FloatArray]:
-    table = functions().paper_table(*knots, phi2_slope) if basis == "paper" else b_spline_table(knots)
+    table = compiled_functions().paper_table(*knots, phi2_slope) if basis == "paper" else b_spline_table(knots)
     return read_only(table[0]), read_only(table[1])

@@ -36,13 +36,13 @@ class Step(NamedTuple):
 Progress = Callable[[Step], None]
 
 
-def report(progress: Progress | None, stage: Stage) -> None:
+def report_stage(progress: Progress | None, stage: Stage) -> None:
     """Say that a stage begins, where somebody listens."""
     if progress is not None:
         progress(Step(stage))
 
 
-def within(progress: Progress | None, stage: Stage) -> Progress | None:
+def within_stage(progress: Progress | None, stage: Stage) -> Progress | None:
     """Progress of a computation within another one, all of it under the name of the outer `stage`.
 
     Examples

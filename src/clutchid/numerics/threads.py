@@ -12,7 +12,7 @@ from clutchid.systems import processors
 
 First = TypeVar("First")
 Second = TypeVar("Second")
-Answer = TypeVar("Answer")
+_Answer = TypeVar("_Answer")
 
 #: Number of parts per thread, and fewest pairs in a part. Several parts balance pieces of different cost; very small
 #: ones do not pay, because the transfer of a part takes as long as the simulation of a window.
@@ -20,11 +20,11 @@ _PARTS_PER_THREAD, MIN_PAIRS_PER_PART = 4, 4
 
 
 def map_pairs(
-    work: Callable[[First, Second], Answer],
+    work: Callable[[First, Second], _Answer],
     first: Iterable[First],
     second: Iterable[Second],
     smallest: int = MIN_PAIRS_PER_PART,
-) -> list[Answer]:
+) -> list[_Answer]:
     """``work(a, b)`` for each pair, in order, on as many threads as linear algebra may use (OMP_NUM_THREADS).
 
     A thread is given at least `smallest` pairs at once.

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.inference.filter.references import MethodState
-from clutchid.inference.filter.setup import IntArray
-from clutchid.log import BoolArray, FloatArray, all_of, read_only
+from clutchid.log import BoolArray, FloatArray, IntArray, all_of, read_only
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import Segment

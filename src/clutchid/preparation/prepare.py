@@ -15,7 +15,7 @@ from clutchid.model.equipment import Equipment
 from clutchid.preparation.pulses import FindPhase, find_phase, frequent_resets, pulsed
 from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.stiffness import TOP_SPEED, local_stiffness, stiffness, substeps
-from clutchid.simulation.windows import RESET_INTERVAL, Track, samples, tracks
+from clutchid.simulation.windows import RESET_INTERVAL, Track, samples_in, tracks
 from clutchid.strokes.values import values_of
 from clutchid.strokes.vented_rest import other_zeros
 
@@ -33,7 +33,7 @@ _STROKE_PARTS, _SPEED_CLASSES = 4, (0.05, 0.15, TOP_SPEED)
 _POSITION_MARGIN, SPEED_MARGIN, _SPEED_WINDOW = 3e-4, 0.03, 8e-3
 
 #: Two positions of a slow recording that are this many intervals apart have others missing between them.
-MISSING = 1.5
+_MISSING = 1.5
 
 
 #: Advice for a recording without pressure.
@@ -68,12 +68,12 @@ def check_recordings(logs: Sequence[Log], others: Sequence[Log], measure: Sequen
     DataError.raise_for(problems)
 
 
-def driven(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
+def with_duty_cycles(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
     """Logs with distinct names, and with duty cycles for both valves of the model."""
     return [equipment.driven(log) for log in _uniquely_named(list(logs))]
 
 
-def usable(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
+def with_usable_samples(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
     """Logs in which what is no value is missing, with a warning each; see `clutchid.strokes.values`.
 
     Raises
@@ -176,7 +176,7 @@ def _between_samples(track: Track) -> FloatArray:
         return position
     between: FloatArray = np.interp(time, time[recorded], position[recorded], np.nan, np.nan)
     after = np.searchsorted(recorded, np.arange(time.size)).clip(1, recorded.size - 1)
-    between[np.diff(time[recorded])[after - 1] > MISSING * track.spacing] = np.nan
+    between[np.diff(time[recorded])[after - 1] > _MISSING * track.spacing] = np.nan
     return between
 
 
@@ -184,7 +184,7 @@ def _window_with_steps(
     of_track: FloatArray, window: Segment, edges: FloatArray, rate: Callable[[int, float], float]
 ) -> Segment:
     position = of_track[window.start : window.stop]
-    far = samples(window, _SPEED_WINDOW) - 1
+    far = samples_in(window, _SPEED_WINDOW) - 1
     travel = np.abs(position[far:] - position[:-far])
     if not np.isfinite(travel).all() or travel.size == 0:
         return window

@@ -38,7 +38,7 @@ PERIODS = (0.005, 0.008, 0.01, 0.0125, 0.016, 0.02, 0.025, 0.0333, 0.04, 0.05)
 
 #: Number of phases that are tried, and the least contrast: explained variance of the fast part of the pressure rate by
 #: the best phase beyond that by the median one, which is due to the changing duty cycle and not to the carrier.
-PHASES, _CONTRAST = 20, 0.01
+_PHASES, _CONTRAST = 20, 0.01
 
 #: A period that is not that of the duty cycles must have this factor more contrast than periods that differ from it by
 #: these shares: pulses out of step explain a carrier no more, but what a valve lags behind its duty cycles as well.
@@ -156,7 +156,7 @@ def _contrast(valves: _Valves, period: float, length: int) -> tuple[float, float
     Moving averages over `length` samples are removed from the pressure rate.
     """
     fast, clock = valves.rate - _smooth(valves.rate, length), valves.clock(period)
-    phases = np.arange(PHASES) / PHASES
+    phases = np.arange(_PHASES) / _PHASES
 
     def explained(phase: float, _: float) -> float:
         return _explained_variance(valves.openings(clock, centred(float(phase))), fast, length)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import INPUTS, FloatArray, Log, holes
-
-IntArray: TypeAlias = NDArray[np.intp]
+from clutchid.strokes.sampled import IndexArray
 
 #: Shortest interval of a grid in s: a period that starts this close to a sample starts with it.
 _SHORTEST_STEP = 2e-5
@@ -20,7 +18,7 @@ _GRID_ROUNDING = 0.1
 
 #: Messages and periods are in step if an interval is a multiple of a quarter of the period, up to the drift of two
 #: quartzes; largest jitter of messages at equal intervals, in intervals.
-PARTS, _MAX_DRIFT, _MAX_JITTER = 4, 3e-4, 0.2
+_PARTS, _MAX_DRIFT, _MAX_JITTER = 4, 3e-4, 0.2
 
 
 def latched(
@@ -98,7 +96,7 @@ def _sampled(log: Log) -> tuple[FloatArray, dict[str, FloatArray]]:
     return log.time, {name: log[name] for name in INPUTS}
 
 
-def _spread_evenly(size: FloatArray, between: IntArray) -> FloatArray:
+def _spread_evenly(size: FloatArray, between: IndexArray) -> FloatArray:
     """Standard deviations `size` of spans over their intervals; `between` is the span of each, -1 if it has none."""
     at = np.where((between >= 0) & (between < size.size), between, size.size)
     count = np.bincount(at, minlength=size.size + 1)
@@ -116,7 +114,7 @@ def in_clock(period: float, time: FloatArray) -> float:
     >>> f"{in_clock(0.02, 1.00005 * 0.01 * np.arange(500.0)):.6f} s"
     '0.020001 s'
     """
-    ratio = PARTS * _regular(time)[1] / period
+    ratio = _PARTS * _regular(time)[1] / period
     away = ratio / max(1, round(ratio)) - 1.0
     return period * (1.0 + away) if abs(away) < _MAX_DRIFT else period
 
@@ -160,7 +158,7 @@ class _Grid:
         points = np.sort(np.concatenate([log.time, added]))
         gaps, at = np.diff(points), np.searchsorted(points, log.time)
         hole = np.repeat(holes(log.time), np.diff(at))
-        parts: IntArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - _GRID_ROUNDING))).astype(np.intp)
+        parts: IndexArray = np.where(hole, 1, np.ceil(gaps / step * (1.0 - _GRID_ROUNDING))).astype(np.intp)
         start = np.concatenate([[0], np.cumsum(parts)])
         of = np.repeat(np.arange(gaps.size), parts)
         inside = (np.arange(start[-1]) - start[of]) / parts[of]

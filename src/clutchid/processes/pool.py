@@ -15,8 +15,8 @@ from typing import Any, Generic, NamedTuple, TypeVar, cast
 from clutchid.errors import ClutchidError, ParameterError
 from clutchid.processes.worker import NO_LIMITS, Limits, Worker, WorkerEnd
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 #: Environment of a worker: one thread of linear algebra, `clutchid.numerics.threads` and polars; memory is given back.
 _ENVIRONMENT = {
@@ -39,11 +39,11 @@ class LostWork(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedWork(Generic[Item, Result]):
+class FinishedWork(Generic[_Item, _Result]):
     """An item with its result, or how it was lost, and the time in s that it took."""
 
-    item: Item
-    result: Result | LostWork
+    item: _Item
+    result: _Result | LostWork
     seconds: float
 
 
@@ -60,7 +60,7 @@ class Pool:
         self._idle: list[Worker] = []
         self._ended = False
 
-    def do(self, work: Callable[[Item], Result], item: Item) -> FinishedWork[Item, Result]:
+    def do(self, work: Callable[[_Item], _Result], item: _Item) -> FinishedWork[_Item, _Result]:
         """The result of `work`, a function of a module or a partial of one, on an item; or how it was lost.
 
         Work that ends its worker, or needs more memory than it may, is given to a new one once more, so that what other
@@ -93,7 +93,7 @@ class Pool:
         for worker in workers:
             worker.end()
 
-    def _done(self, work: Callable[[Item], Result], item: Item) -> Result | LostWork:
+    def _done(self, work: Callable[[_Item], _Result], item: _Item) -> _Result | LostWork:
         question = [pickle.dumps((work, item), protocol=5)]
         lost = LostWork("killed", "the workers were ended before.")
         for attempt in range(_ATTEMPTS):
@@ -105,7 +105,7 @@ class Pool:
             with self._lock:
                 (self._workers.discard if isinstance(answer, WorkerEnd) else self._idle.append)(worker)
             if not isinstance(answer, WorkerEnd):
-                return cast("Result | LostWork", _result(*pickle.loads(answer[0])))
+                return cast("_Result | LostWork", _result(*pickle.loads(answer[0])))
             lost = _lost(answer, self._limits)
             if answer.why == "time" or (answer.why == "memory" and is_new):
                 break
@@ -145,8 +145,8 @@ def check_workers(workers: int) -> None:
 
 
 def results(
-    work: Callable[[Item], Result], items: Iterable[Item], workers: int, limits: Limits = NO_LIMITS
-) -> Iterator[FinishedWork[Item, Result]]:
+    work: Callable[[_Item], _Result], items: Iterable[_Item], workers: int, limits: Limits = NO_LIMITS
+) -> Iterator[FinishedWork[_Item, _Result]]:
     """Items with their results in order of completion; even one worker is a process, so that results are identical.
 
     Parameters
@@ -166,9 +166,9 @@ def results(
         If the work raises one.
     """
     waiting, pool, threads = iter(items), Pool(limits), ThreadPoolExecutor(workers)
-    running: set[Future[FinishedWork[Item, Result]]] = set()
+    running: set[Future[FinishedWork[_Item, _Result]]] = set()
 
-    def submitted() -> set[Future[FinishedWork[Item, Result]]]:
+    def submitted() -> set[Future[FinishedWork[_Item, _Result]]]:
         some = islice(waiting, 2 * workers - len(running))  # one at work and one waiting for each worker
         return {threads.submit(pool.do, work, item) for item in some}
 

@@ -38,10 +38,10 @@ def main(parent: str, name: str, allocations: str) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     limit_allocations(int(allocations))
     module, _, function = name.partition(":")
-    serve(getattr(import_module(module), function)(), sys.stdin.buffer, answers)
+    _serve(getattr(import_module(module), function)(), sys.stdin.buffer, answers)
 
 
-def serve(service: Service, questions: IO[bytes], answers: IO[bytes]) -> None:
+def _serve(service: Service, questions: IO[bytes], answers: IO[bytes]) -> None:
     """Answer every question, in turn, until there are no more."""
     while True:
         try:

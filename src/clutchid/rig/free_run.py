@@ -26,7 +26,7 @@ _HERE = Path(__file__)
 
 
 @cache
-def kernels() -> ModuleType:
+def _kernels() -> ModuleType:
     """Module with ``force`` for arrays of v and z, and ``decay`` and ``gain`` for arrays of v and intervals h.
 
     While the velocity is constant, the deflection after h is decay times that before, plus gain. ``force_NAME``,
@@ -129,7 +129,7 @@ def free_run(segment: FreeRunSegment, values: Sequence[float], z_start: float) -
     Within an interval the velocity is constant at the mean of its ends, for which the deflection is exact at any
     stiffness.
     """
-    module, n, v = kernels(), len(segment), segment.velocity
+    module, n, v = _kernels(), len(segment), segment.velocity
     p = np.array(values, dtype=np.float64)
     interval = ((v[:-1] + v[1:]) / 2, segment.dt, *p[:2])
     decay = module.decay(*interval)

@@ -22,7 +22,7 @@ from clutchid.strokes.residual_colour import effective_samples
 from clutchid.strokes.sampled import velocity
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.
-FREE = (*NAMES, "force_zero")
+_FREE = (*NAMES, "force_zero")
 
 #: Bounds of F_C as multiples of half the range of the force.
 _FORCES = (0.25, 4.0)
@@ -46,7 +46,7 @@ _FEWEST = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LugreProblem:
-    """Segments of a recording, and parameters scaled by `unit`: those of `FREE`, then one initial deflection each.
+    """Segments of a recording, and parameters scaled by `unit`: those of `_FREE`, then one initial deflection each.
 
     `inertial` is the part of the force in N that accelerates the mass; NaN outside the segments.
     """
@@ -115,9 +115,9 @@ def lugre_problem(log: Log, fixed: Mapping[str, float], window: float, inertia: 
     low = np.array([_FORCES[0] * strength, strength / (_MOST_OF_REACH * reach), 0.0, 0.0, -np.inf, *[-np.inf] * n])
     high = np.array([_FORCES[1] * strength, strength / shortest, *[np.inf] * (3 + n)])
     base = np.array([0.9 * strength, np.nan, 0.1 * strength / speed, 0.0, float(ends.mean()), *[0.0] * n])
-    for i, name in enumerate(FREE):
+    for i, name in enumerate(_FREE):
         base[i] = fixed.get(name, base[i])
-    free = np.array([*(name not in fixed for name in FREE), *[True] * n])
+    free = np.array([*(name not in fixed for name in _FREE), *[True] * n])
     return LugreProblem(log, inertial, parts, unit, low / unit, high / unit, free, base / unit)
 
 
@@ -140,12 +140,12 @@ def _check_sign(log: Log, v: FloatArray, f: FloatArray) -> None:
         )
 
 
-def starts(problem: LugreProblem) -> list[FloatArray]:
+def _starts(problem: LugreProblem) -> list[FloatArray]:
     """Start points of the search, by distance F_C / K_z.
 
     The cost has a second minimum with lower stiffness and high damping; at least one of these starts avoids it.
     """
-    K = FREE.index("K_z")
+    K = _FREE.index("K_z")
     if not problem.free[K]:
         return [problem.base[problem.free]]
     points = []
@@ -158,9 +158,9 @@ def starts(problem: LugreProblem) -> list[FloatArray]:
     return [point for i, point in enumerate(points) if not any(np.array_equal(point, other) for other in points[:i])]
 
 
-def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+def _residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Simulated minus measured force of each segment, 0 where missing, and its Jacobian (free scaled parameters)."""
-    values, shared = problem.all(x), len(FREE)
+    values, shared = problem.all(x), len(_FREE)
     answers = []
     for i, segment in enumerate(problem.parts):
         force, slopes = free_run(segment, values[: len(NAMES)].tolist(), float(values[shared + i]))
@@ -174,9 +174,9 @@ def residuals(problem: LugreProblem, x: FloatArray) -> list[tuple[FloatArray, Fl
     return answers
 
 
-def linearised(problem: LugreProblem, x: FloatArray) -> Linearisation:
+def _linearised(problem: LugreProblem, x: FloatArray) -> Linearisation:
     """Compressed residuals and Jacobian at the scaled free parameters `x`."""
-    factor = np.vstack([compress(np.column_stack([J, r])) for r, J in residuals(problem, x)])
+    factor = np.vstack([compress(np.column_stack([J, r])) for r, J in _residuals(problem, x)])
     whole = compress(factor)
     return Linearisation(whole[:-1, :-1], whole[:-1, -1], 0.5 * float(np.sum(whole[:, -1] ** 2)), factor.shape[0])
 
@@ -188,7 +188,7 @@ _POOR_FIT = 70.0
 _DAMPINGS = ("D_v", "D_zdot")
 
 
-def unit_of(name: str) -> str:
+def _unit_of(name: str) -> str:
     """Unit of a parameter of a fit, the zero of the force among them."""
     return "N" if name == "force_zero" else Parameters.row(name).unit
 
@@ -196,7 +196,7 @@ def unit_of(name: str) -> str:
 def at_bound(name: str, values: Mapping[str, float]) -> str:
     """Warning about a parameter at a bound of the search beyond which the cost decreases."""
     where = (
-        f"{name} lies at a bound of the search, {values[name]:.3g} {unit_of(name)}, and the cost decreases beyond it"
+        f"{name} lies at a bound of the search, {values[name]:.3g} {_unit_of(name)}, and the cost decreases beyond it"
     )
     if name in _DAMPINGS:
         return (
@@ -231,7 +231,7 @@ def poor(fit: float) -> list[str]:
 
 
 #: Half window in s over which the velocity is computed; averages quantisation and noise of the position sensor.
-WINDOW = 0.02
+VELOCITY_WINDOW = 0.02
 
 #: A stiffness that falls by more than this share, and by more than its standard error, when the variance of the noise
 #: of the position is doubled has no interval: on simulated rigs the shift is then too small to cover the true value.
@@ -280,7 +280,7 @@ class LugreFit:
 
 
 def fit_lugre(
-    log: Log, *, fixed: Mapping[str, float] | None = None, window: float = WINDOW, inertia: float = 0.0
+    log: Log, *, fixed: Mapping[str, float] | None = None, window: float = VELOCITY_WINDOW, inertia: float = 0.0
 ) -> LugreFit:
     r"""Fit LuGre friction, Eqs. (2) and (3), to a recording of a test rig.
 
@@ -337,14 +337,14 @@ def fit_lugre(
     if not 0.0 <= inertia < np.inf:
         raise ParameterError(f"inertia = {inertia:g} kg: must be a mass of at least 0 kg.")
     problem = lugre_problem(log, constants, window, inertia)
-    searches = [_searched(problem, start) for start in starts(problem)]
+    searches = [_searched(problem, start) for start in _starts(problem)]
     best = min(searches, key=lambda solution: solution.at.cost)
     return _result(problem, best, _shift_by_noise(problem, best, window, inertia))
 
 
 def _searched(problem: LugreProblem, start: FloatArray) -> Solution[Linearisation]:
     low, high = problem.low[problem.free], problem.high[problem.free]
-    return minimise(lambda x: linearised(problem, x), (start, linearised(problem, start)), low, high, tolerance=1e-10)
+    return minimise(lambda x: _linearised(problem, x), (start, _linearised(problem, start)), low, high, tolerance=1e-10)
 
 
 def _shift_by_noise(problem: LugreProblem, best: Solution[Linearisation], window: float, inertia: float) -> FloatArray:
@@ -372,9 +372,9 @@ def _simulated(
 
 def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, float]:
     if not window > 0.0:
-        raise ParameterError(f"window = {window:g} s: must be above 0 s; the default is {WINDOW:g} s.")
+        raise ParameterError(f"window = {window:g} s: must be above 0 s; the default is {VELOCITY_WINDOW:g} s.")
     for name in fixed:
-        check_names([name], FREE, "friction parameter")
+        check_names([name], _FREE, "friction parameter")
     Parameters(**{name: value for name, value in fixed.items() if name in NAMES})
     missing = [name for name in ("position", "force") if name not in log or not np.isfinite(log[name]).any()]
     if missing:
@@ -388,13 +388,13 @@ def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, f
 def _result(problem: LugreProblem, solution: Solution[Linearisation], shift: FloatArray) -> LugreFit:
     x = solution.x
     parameters = problem.all(x)
-    values = {name: float(value) for name, value in zip(FREE, parameters[: len(FREE)], strict=True)}
-    names = [name for name, free in zip(FREE, problem.free[: len(FREE)], strict=True) if free]
+    values = {name: float(value) for name, value in zip(_FREE, parameters[: len(_FREE)], strict=True)}
+    names = [name for name, free in zip(_FREE, problem.free[: len(_FREE)], strict=True) if free]
     bounded = _bounded(problem, solution, names)
-    scores = [J * r[:, None] for r, J in residuals(problem, x)]
+    scores = [J * r[:, None] for r, J in _residuals(problem, x)]
     undamped = [name in bounded and name in _DAMPINGS for name in names] + [False] * (x.size - len(names))
     covariance = sandwich(solution.at.R, scores, ~np.array(undamped), max(1, len(names)))
-    force = problem.inertial + _simulated(problem.log, problem.parts, values, parameters[len(FREE) :].tolist())
+    force = problem.inertial + _simulated(problem.log, problem.parts, values, parameters[len(_FREE) :].tolist())
     error = problem.log["force"] - force
     fit = fit_percent(problem.log["force"], force)
     warnings = [*problem.log.warnings, *(at_bound(name, values) for name in bounded), *poor(fit)]
@@ -408,14 +408,14 @@ def _result(problem: LugreProblem, solution: Solution[Linearisation], shift: Flo
         undetermined.add("D_zdot")
     if solution.status == "limit":
         warnings.append(f"the search {ended(solution.status, solution.evaluations)}.")
-    block = max(1, round(WINDOW / sample_interval(problem.log.time)))
+    block = max(1, round(VELOCITY_WINDOW / sample_interval(problem.log.time)))
     return LugreFit(
         name=problem.log.name,
         status="warning" if warnings else "ok",
         message=ended(solution.status, solution.evaluations),
         parameters=_estimates(values, covariance, problem, dict(zip(names, shift, strict=False)), undetermined),
         values=values,
-        starts=tuple(parameters[len(FREE) :].tolist()),
+        starts=tuple(parameters[len(_FREE) :].tolist()),
         force=force,
         fit_percent=fit,
         rms=float(np.sqrt(np.nanmean(error**2))),
@@ -442,10 +442,10 @@ def _estimates(
     """Estimates by name; the `shifts` by the noise of the position, scaled as the parameters, widen the intervals."""
     quantile, estimates = covariance.quantile(), {}
     for i, (name, shift) in enumerate(shifts.items()):
-        spread = np.hypot(np.sqrt(covariance.matrix[i, i]), shift) * problem.unit[FREE.index(name)]
+        spread = np.hypot(np.sqrt(covariance.matrix[i, i]), shift) * problem.unit[_FREE.index(name)]
         std = np.inf if name in undetermined else float(spread)
         low, high = values[name] - quantile * std, values[name] + quantile * std
         if np.isfinite(std):
             low = max(low, 0.0 if name in NAMES else low)
-        estimates[name] = Estimate(values[name], unit_of(name), std, low, high)
+        estimates[name] = Estimate(values[name], _unit_of(name), std, low, high)
     return estimates

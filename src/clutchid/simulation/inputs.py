@@ -19,7 +19,7 @@ from clutchid.model.compiled import kernels
 from clutchid.parameters import Parameters
 
 #: An end without inputs that is shorter than this, in s, is no loss: time grids start and end at different stamps.
-LONG = 0.5
+LONG_END = 0.5
 
 #: A period starts at a sample that lies this part of it before its start: stamps and periods are rounded. Without, the
 #: tail of the pulse before was lost for a sample.
@@ -68,7 +68,7 @@ def with_both_duties(log: Log) -> NDArray[np.bool_]:
 def with_inputs(log: Log, span: slice | None = None) -> Log:
     """`log` without the samples before the first and after the last one with both duty cycles, as a view.
 
-    It has a warning where `LONG` s or more are cut off. `span` is its `input_span`, where that is known.
+    It has a warning where `LONG_END` s or more are cut off. `span` is its `input_span`, where that is known.
 
     Raises
     ------
@@ -82,11 +82,11 @@ def with_inputs(log: Log, span: slice | None = None) -> Log:
 
 
 def cut_warnings(log: Log, span: slice) -> tuple[str, ...]:
-    """A warning where the ends of `log` outside `span` take `LONG` s or more."""
+    """A warning where the ends of `log` outside `span` take `LONG_END` s or more."""
     first, last = float(log.time[span.start]), float(log.time[span.stop - 1])
     before, after = first - float(log.time[0]), float(log.time[-1]) - last
-    ends = [f"before {first:.3f} s"] if before >= LONG else []
-    ends += [f"after {last:.3f} s"] if after >= LONG else []
+    ends = [f"before {first:.3f} s"] if before >= LONG_END else []
+    ends += [f"after {last:.3f} s"] if after >= LONG_END else []
     return (f"{log.name}: no duty cycles {' and '.join(ends)}; these samples are left out.",) if ends else ()
 
 

@@ -39,7 +39,7 @@ _TOGETHER, _PARTS = 128, 8
 _MANY_SAMPLES = 1_000_000
 
 #: A recording: read, or the path of its file.
-Recording: TypeAlias = Log | str | PathLike[str]
+_Recording: TypeAlias = Log | str | PathLike[str]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +127,7 @@ def _place(model: Model, name: str) -> int:
 @checked
 def simulate_many(
     actuators: Actuator | Iterable[Actuator],
-    logs: Recording | Iterable[Recording],
+    logs: _Recording | Iterable[_Recording],
     *,
     partition: Partition | None = None,
     on_failure: Literal["raise", "return"] = "return",
@@ -200,7 +200,7 @@ def simulate_many(
 
 
 def _prepared(
-    actuators: Sequence[Actuator], recordings: Sequence[Recording], partition: Partition | None
+    actuators: Sequence[Actuator], recordings: Sequence[_Recording], partition: Partition | None
 ) -> Iterator[PreparedLog]:
     """The recordings, each file read once for each ambient pressure."""
     logs: dict[tuple[str, float | None], Log] = {}

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.log.states import MEASURED, SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator
-from clutchid.simulation.run import Columns, IntArray, KernelArrays, columns
+from clutchid.simulation.run import Columns, KernelArrays, columns
 from clutchid.simulation.windows import units
 
 

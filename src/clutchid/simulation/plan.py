@@ -18,7 +18,7 @@ from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.sampled import runs
 
 #: Least number of samples between holes: a shorter stretch determines less than its own unknown start needs.
-SHORTEST = 10
+SHORTEST_STRETCH = 10
 
 #: A position further outside the stroke than this, in m, is no position of a piston: start and resets stop there.
 OUTSIDE = 2e-4
@@ -29,7 +29,7 @@ _ALIEN = 0.2
 #: A recording starts vented and at rest when it stays within `VENTED_POSITION` of zero, and this still, for
 #: `_REST_TIME` s or until the supply valve opens. The rest before that, up to `REST_WINDOW` s, gives the position at
 #: the start.
-REST_RANGE, _REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
+_REST_RANGE, _REST_TIME, REST_WINDOW = 3e-4, 0.02, 0.5
 
 
 _JUMPS = {("p", False): 1, ("q", False): 2, ("p", True): 3, ("q", True): 4}
@@ -154,7 +154,7 @@ def outside_stroke(log: Log, y_max: float) -> OutsideStroke:
 def _stretches(time: FloatArray, has_inputs: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Sample ranges with known inputs and without holes in time; stretches that are too short are left out."""
     stretches = [(a, b + 1) for a, b in runs(has_inputs[:-1] & has_inputs[1:] & ~holes(time))]
-    return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST]
+    return stretches if len(stretches) < 2 else [(a, b) for a, b in stretches if b - a >= SHORTEST_STRETCH]
 
 
 def _resets(log: Log, partition: Partition | None, use_pressure: bool) -> tuple[NDArray[np.uint8], FloatArray]:
@@ -229,7 +229,7 @@ def _vented(rest: FloatArray, position: FloatArray) -> bool:
         return True
     if rest.size == 0:
         rest = np.array([_first_finite(position, 0.0)])
-    return bool(abs(float(np.median(rest))) <= VENTED_POSITION and float(np.ptp(rest)) <= REST_RANGE)
+    return bool(abs(float(np.median(rest))) <= VENTED_POSITION and float(np.ptp(rest)) <= _REST_RANGE)
 
 
 def _first_finite(values: FloatArray, otherwise: float) -> float:

@@ -6,19 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import ParameterError
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import Model, kernels, lanes, parameter_names, state_rows
 from clutchid.model.weighted_load import Load
 from clutchid.simulation.plan import Segment
-
-IntArray: TypeAlias = NDArray[np.int64]
 
 #: Names of the unknown start values of a segment among the sensitivities.
 POSITION_START, PRESSURE_START = "y_start", "p_A_start"

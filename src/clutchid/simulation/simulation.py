@@ -175,7 +175,7 @@ PREPARED_BY = ("P_0", "R_0vs", "R_1vs", "R_0ve", "R_1ve", "T_pwm", "s_pwm", "y_m
 _PREPARED_BY = attrgetter(*PREPARED_BY)
 
 #: Preparations that a recording keeps, and samples of the longest recording that keeps any: an hour's takes 200 MB.
-KEPT, LONGEST = 64, 200_000
+_KEPT, _LONGEST = 64, 200_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,9 +224,9 @@ def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> P
     prepared = log.derived.get(key)
     if not isinstance(prepared, PreparedLog) or not prepared.values.hold_for(actuator):
         prepared = _prepared(actuator, log, partition)
-        if len(log) <= LONGEST:
+        if len(log) <= _LONGEST:
             log.derived[key] = prepared
-        if len(log.derived) > KEPT:
+        if len(log.derived) > _KEPT:
             log.derived.pop(next(iter(log.derived)), None)
     return prepared
 

@@ -251,7 +251,7 @@ def substeps(dt: FloatArray, rate: float) -> NDArray[np.int32]:
 
 #: Position in m, and shares of the stroke, that separate ranges of different stiffness; how far in m the piston may be
 #: from its estimate.
-NEAR_REST, SHARES, REACH = 2e-3, (0.6, 0.9), 1e-3
+_NEAR_REST, _SHARES, _REACH = 2e-3, (0.6, 0.9), 1e-3
 
 #: Speeds in m/s that separate ranges of different stiffness, and how much faster the piston may become in an interval.
 SPEEDS, _GAIN = (0.02, 0.05, 0.1, 0.2), 0.05
@@ -269,8 +269,8 @@ def pace(actuator: Actuator, margin: float) -> Pace:
     Most of its stiffness is that of the friction at full speed: at a tenth of it one step a millisecond is enough.
     """
     y_max = actuator.parameters.y_max
-    positions = np.array([NEAR_REST, *(share * y_max for share in SHARES)])
-    reaches = zip([-np.inf, *positions - REACH], [*positions + REACH, np.inf], strict=True)
+    positions = np.array([_NEAR_REST, *(share * y_max for share in _SHARES)])
+    reaches = zip([-np.inf, *positions - _REACH], [*positions + _REACH, np.inf], strict=True)
     speeds = [min(speed + _GAIN, TOP_SPEED) for speed in (*SPEEDS, TOP_SPEED)]
     rates = [[local_stiffness(actuator, speed, reach) for speed in speeds] for reach in reaches]
     return positions, np.array(SPEEDS), margin / STABLE_STEP * np.array(rates)

@@ -16,7 +16,7 @@ from clutchid.simulation.plan import Plan, Segment
 from clutchid.simulation.run import KernelArrays, run, start_state
 
 #: Length of a window in s, and interval in s between resets of the simulation that gives the initial values.
-WINDOW, RESET_INTERVAL = 0.1, 0.02
+_WINDOW, RESET_INTERVAL = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,18 +45,18 @@ def tracks(plans: Sequence[Plan]) -> tuple[Track, ...]:
 
 def _spacing(log: Log) -> float:
     stamps = log.time[np.isfinite(log["position"])]
-    return sample_interval(stamps, WINDOW)
+    return sample_interval(stamps, _WINDOW)
 
 
 def _windows(segment: Segment) -> list[Segment]:
-    length = samples(segment, WINDOW)
+    length = samples_in(segment, _WINDOW)
     edges = [*range(0, len(segment) - 1, length), len(segment) - 1]
     if len(edges) > 2 and edges[-1] - edges[-2] < length // 2:
         edges.pop(-2)
     return [_window(segment, a, b) for a, b in pairwise(edges)]
 
 
-def samples(segment: Segment, seconds: float) -> int:
+def samples_in(segment: Segment, seconds: float) -> int:
     """Number of samples of `segment` in `seconds`, at least 2."""
     return max(2, round(seconds / median(segment.dt)))
 
@@ -100,7 +100,7 @@ def initial_states(track: Track, actuator: Actuator, with_pressure: bool) -> Flo
     at = np.array([window.start for window in track.windows])
     guess: FloatArray = states[at - track.segment.start]
     time, position = track.measured.time, track.measured["position"]
-    reach = samples(track.segment, 0.016) // 2
+    reach = samples_in(track.segment, 0.016) // 2
     for i, sample in enumerate(at):
         near = slice(max(track.segment.start, sample - reach), min(track.segment.stop, sample + reach + 1))
         recorded = np.isfinite(position[near])

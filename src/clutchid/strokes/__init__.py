@@ -11,8 +11,8 @@
 """
 
 from clutchid.strokes.choice import choose
-from clutchid.strokes.cutting import cut
-from clutchid.strokes.section import RESTS, STROKES, Section, SectionSummary, joined
+from clutchid.strokes.cutting import sections_of
+from clutchid.strokes.section import RESTS, STROKE_LABELS, Section, SectionSummary, joined
 from clutchid.strokes.table import sections_table
 
-__all__ = ["RESTS", "STROKES", "Section", "SectionSummary", "choose", "cut", "joined", "sections_table"]
+__all__ = ["RESTS", "STROKE_LABELS", "Section", "SectionSummary", "choose", "joined", "sections_of", "sections_table"]

@@ -11,8 +11,8 @@ from clutchid.log import BoolArray, FloatArray
 from clutchid.parameters import DEFAULTS
 from clutchid.strokes.rest_level import STILL, Bins, ranges
 from clutchid.strokes.sampled import runs
-from clutchid.strokes.section import Kind
-from clutchid.strokes.stream import Samples
+from clutchid.strokes.section import SectionKind
+from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.stroke import BEGINS, FULL
 
 #: Length in s of the vented rest before a stroke that is part of its section: what a fit uses for the initial state.
@@ -22,22 +22,22 @@ LEAD = 0.5
 LONGEST_HOLD = 10.0
 
 #: Largest number of samples of a section, plus one block: memory is bounded, and a rest of hours is divided.
-LONGEST = 2**18
+LONGEST_SECTION = 2**18
 
 #: A chamber is vented where its pressure is at most this factor times the lowest of the rest; a rest above
 #: `_PRESSED` times the ambient pressure is a hold.
-VENTED, _PRESSED = 1.1, 1.5
+_VENTED, _PRESSED = 1.1, 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PendingSamples:
     """Samples of one stretch whose section is incomplete, and their bins; `vented` is the rest before them in s."""
 
-    samples: Samples
+    samples: StrokeSamples
     bins: Bins
     vented: float = 0.0
 
-    def followed_by(self, samples: Samples, bins: Bins) -> PendingSamples:
+    def followed_by(self, samples: StrokeSamples, bins: Bins) -> PendingSamples:
         """These samples and the next ones."""
         return PendingSamples(self.samples.followed_by(samples), self.bins.followed_by(bins), self.vented)
 
@@ -50,9 +50,9 @@ class CompletedSamples:
     `long_hold` marks a hold longer than `LONGEST_HOLD`, `lead` is the number of bins of rest at the start of a stroke.
     """
 
-    kind: Kind
+    kind: SectionKind
     long_hold: bool
-    samples: Samples
+    samples: StrokeSamples
     bins: Bins
     vented: float
     lead: int
@@ -62,7 +62,7 @@ class CompletedSamples:
 class _Span:
     """Bins `start` to `stop` of the pending ones; the rest before a stroke ends at bin `departs`."""
 
-    kind: Kind
+    kind: SectionKind
     start: int
     stop: int
     vented: float = 0.0
@@ -73,7 +73,7 @@ class _Span:
 def completed(pending: PendingSamples, *, final: bool) -> tuple[list[CompletedSamples], PendingSamples | None]:
     """Complete strokes and rests, and what is still pending; with `final` everything is complete."""
     bins, n = pending.bins, len(pending.bins)
-    full = len(pending.samples) > LONGEST
+    full = len(pending.samples) > LONGEST_SECTION
     spans = [part for span in _spans(pending) for part in _without_holds(bins, span, final=final or full)]
     if final:
         return [_completed(pending, part) for span in spans for part in _divided(bins, span)], None
@@ -160,7 +160,7 @@ def _vented(pending: PendingSamples, begin: int, end: int) -> float:
         floor = float(finite.min())
         if floor > _PRESSED * DEFAULTS.P_0:
             return 0.0
-        pressed = np.flatnonzero(pressure > VENTED * floor)
+        pressed = np.flatnonzero(pressure > _VENTED * floor)
         since += int(pressed[-1]) + 1 if pressed.size and pressed[-1] < pressure.size - 1 else 0
     earlier = pending.vented if since == 0 else 0.0
     return earlier + _seconds(bins, since, end)
@@ -188,10 +188,10 @@ def _without_holds(bins: Bins, span: _Span, *, final: bool) -> list[_Span]:
 
 
 def _holds(bins: Bins) -> BoolArray:
-    """Where the piston is still; not in slow motion: by more than `BEGINS` and `APART` in `LONGEST_HOLD` s."""
+    """Where the piston is still; not in slow motion: by more than `BEGINS` and `_APART` in `LONGEST_HOLD` s."""
     still = bins.still
     for a, b in runs(still):
-        position, most = bins.filled[a:b], np.fmax(APART * bins.reach[a:b], BEGINS)
+        position, most = bins.filled[a:b], np.fmax(_APART * bins.reach[a:b], BEGINS)
         if _seconds(bins, a, b) < LONGEST_HOLD or not np.ptp(position) > most.min():
             continue
         width = int(np.searchsorted(bins.time, bins.time[a] + LONGEST_HOLD)) - a
@@ -201,11 +201,11 @@ def _holds(bins: Bins) -> BoolArray:
 
 
 def _divided(bins: Bins, span: _Span) -> list[_Span]:
-    """Divide a span into parts of at most `LONGEST` samples; of a stroke, only the first follows the vented rest."""
+    """Parts of at most `LONGEST_SECTION` samples; of a stroke, only the first follows the vented rest."""
     edges = np.append(bins.first, bins.first[-1] + bins.count[-1])
     parts, start, vented = [], span.start, span.vented
-    while edges[span.stop] - edges[start] > LONGEST:
-        stop = max(start + 1, int(np.searchsorted(edges, edges[start] + LONGEST, side="right")) - 1)
+    while edges[span.stop] - edges[start] > LONGEST_SECTION:
+        stop = max(start + 1, int(np.searchsorted(edges, edges[start] + LONGEST_SECTION, side="right")) - 1)
         parts.append(replace(span, start=start, stop=stop, vented=vented))
         start, vented = stop, vented if span.kind == "rest" else 0.0
     return [*parts, replace(span, start=start, vented=vented)]
@@ -238,32 +238,32 @@ def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
 
 #: Fractions of the reach: least amplitude of a swing and of a swing in slip, least distance between distinct levels,
 #: and the range of positions in which the clutch slips.
-SWING, _SLIP_SWING, APART, _SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
+_SWING, _SLIP_SWING, _APART, _SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
 
 #: Half the number of bins over which these speeds are computed.
 _SLOPE_BINS = 5
 
-#: Speeds in reaches per second: slip is slower than `SLOW`, a controlled return slower than `_EASED` (a free return has
-#: 4 or more), a hold slower than `_HOLDS`.
-SLOW, _EASED, _HOLDS = 1.0, 1.5, 0.1
+#: Speeds in reaches per second: slip is slower than `_SLOW`, a controlled return slower than `_EASED` (a free return
+#: has 4 or more), a hold slower than `_HOLDS`.
+_SLOW, _EASED, _HOLDS = 1.0, 1.5, 0.1
 
 #: Least times in s: of a ramp while opening or in the upper half of the return; of a held level; of any slip; and of a
 #: slip that is longer than that of a gear shift.
-RAMP, HELD, _SHORT_SLIP, _LONG_SLIP = 0.8, 0.25, 0.12, 1.2
+RAMP, _HELD, _SHORT_SLIP, _LONG_SLIP = 0.8, 0.25, 0.12, 1.2
 
 #: Fractions of a stroke's length: bang-bang motion is still for less than `_MOVING`, a staircase slips for less than
 #: `_SLIPPING`.
 _MOVING, _SLIPPING = 0.25, 0.45
 
 #: A rest with a larger fraction of its positions missing is labelled "no position".
-MOST_MISSING = 0.5
+_MOST_MISSING = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class MotionFeatures:
     """Features that classify a manoeuvre; positions as fractions of the reach, times in s.
 
-    Length; highest position; number of distinct held levels, and of reversals after swings of `SWING`; time of slow
+    Length; highest position; number of distinct held levels, and of reversals after swings of `_SWING`; time of slow
     motion while opening, and in the upper half of the final return; time of slow motion in `_SLIP_ZONE` during that
     return, and the reversals in it; time there below `_EASED`; fraction of the length during which the piston is still.
     """
@@ -297,14 +297,14 @@ def motion_features(time: FloatArray, y: FloatArray, still: BoolArray) -> Motion
     top = np.flatnonzero(y >= 0.9 * peak)
     back, before, after = y[top[-1] :], slice(0, top[0]), slice(top[-1], None)
     speed = _slopes(time, y)
-    creeps = (np.abs(speed) < SLOW) & (np.abs(speed) > _HOLDS)
+    creeps = (np.abs(speed) < _SLOW) & (np.abs(speed) > _HOLDS)
     zone = (back > _SLIP_ZONE[0]) & (back < _SLIP_ZONE[1])
-    slow = zone & (np.abs(speed[after]) < SLOW)
+    slow = zone & (np.abs(speed[after]) < _SLOW)
     return MotionFeatures(
         seconds=float(time[-1] - time[0]),
         peak=peak,
         levels=_levels(time, y, np.abs(speed) < _HOLDS),
-        swings=_swings(y, SWING),
+        swings=_swings(y, _SWING),
         opening=float(step[before][creeps[before] & (speed[before] > 0) & (y[before] > 0.1 * peak)].sum()),
         upper=float(step[after][creeps[after] & (back > 0.5 * peak)].sum()),
         slip=float(step[after][slow].sum()),
@@ -339,7 +339,7 @@ def stroke_label(bins: Bins) -> str:
 
 def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
     """Label of a rest, one of `RESTS`: "held" if it is away from the rest level or under pressure."""
-    if missing > MOST_MISSING:
+    if missing > _MOST_MISSING:
         return "no position"
     pressure = bins.pressure[np.isfinite(bins.pressure)]
     pressed = pressure.size > 0 and float(np.median(pressure)) > _PRESSED * DEFAULTS.P_0
@@ -356,10 +356,10 @@ def _slopes(time: FloatArray, y: FloatArray) -> FloatArray:
 def _levels(time: FloatArray, y: FloatArray, slow: BoolArray) -> int:
     """Number of distinct held levels."""
     off = slow & (y > _SLIP_ZONE[0])
-    levels = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= HELD]
+    levels = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= _HELD]
     count, last = 0, -np.inf
     for level in sorted(levels):
-        if level > last + APART:
+        if level > last + _APART:
             count, last = count + 1, level
     return count
 

@@ -17,14 +17,14 @@ from clutchid.strokes.cutting import SPEED_BINS
 from clutchid.strokes.rest_level import raw_bins, samples_in_bin
 from clutchid.strokes.sampled import difference_velocity
 from clutchid.strokes.section import Section
-from clutchid.strokes.stream import Samples
+from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.stroke import QUICKEST
 
 #: A usable stroke has at most this fraction of its positions missing, and travels at least this fraction of the reach.
-MOST_MISSING, _LEAST_REACH = 0.5, 0.05
+_MOST_MISSING, _LEAST_REACH = 0.5, 0.05
 
 #: Largest batch of strokes, and of samples in them, that is evaluated at once.
-BATCH, SAMPLES = 64, 2**21
+_BATCH, SAMPLES = 64, 2**21
 
 
 def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
@@ -78,7 +78,7 @@ def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
             continue
         reach = max(reach, section.summary.highest - section.summary.level)
         batch.append(section)
-        if len(batch) >= BATCH or sum(map(len, batch)) >= SAMPLES:
+        if len(batch) >= _BATCH or sum(map(len, batch)) >= SAMPLES:
             best, batch = _better(best, batch, seconds, reach), []
     best = _better(best, batch, seconds, reach) if batch else best
     return tuple(sorted(best, key=lambda section: section.first))
@@ -88,7 +88,7 @@ def _usable(section: Section, seconds: float) -> bool:
     summary = section.summary
     return (
         section.kind == "stroke"
-        and summary.missing <= MOST_MISSING
+        and summary.missing <= _MOST_MISSING
         and QUICKEST <= section.seconds <= seconds
         and summary.highest - summary.lowest > _LEAST_REACH * summary.reach
         and summary.highest > summary.level
@@ -100,7 +100,7 @@ def _better(best: list[Section], batch: list[Section], seconds: float, reach: fl
     pool = [*best, *batch]
     grams = np.array([gram(section, reach) for section in pool])
     taken = _greedy(grams, np.array([section.seconds for section in pool]), seconds)
-    before, after = (float(information(G.sum(axis=0))) for G in (grams[: len(best)], grams[taken]))
+    before, after = (float(information_of(G.sum(axis=0))) for G in (grams[: len(best)], grams[taken]))
     return [pool[i] for i in taken] if after > before else best
 
 
@@ -122,12 +122,12 @@ def _greedy(grams: FloatArray, lengths: FloatArray, seconds: float) -> list[int]
             return taken
         if not fresh[best]:
             stale = np.flatnonzero(~fresh & (bound >= bound[best]))
-            bound[stale] = (information(total + grams[stale]) - value) / lengths[stale]
+            bound[stale] = (information_of(total + grams[stale]) - value) / lengths[stale]
             fresh[stale] = True
             continue
         taken.append(best)
         total = total + grams[best]
-        value, left = float(information(total)), left - float(lengths[best])
+        value, left = float(information_of(total)), left - float(lengths[best])
         bound[best] = -math.inf
         fresh[:] = False
 
@@ -139,10 +139,10 @@ HATS = 11
 SIZE = 4 * HATS + 1
 
 #: Speeds in reaches per second: below the first the piston stands still (friction holds it), above the second is fast.
-STANDS, FAST = 0.05, 1.0
+_STANDS, _FAST = 0.05, 1.0
 
 #: Time in s near a position after which further samples there add little information.
-ENOUGH = 0.05
+_ENOUGH = 0.05
 
 #: Weight of a stroke without a vented rest before it, whose initial state must be estimated too.
 _UNANCHORED = 0.5
@@ -165,15 +165,15 @@ def gram(section: Section, reach: float) -> FloatArray:
     """
     log, summary = section.log, section.summary
     width = samples_in_bin(sample_interval(log.time, 1.0))
-    bins = raw_bins(Samples(0, log.time, log.columns), width, np.nan)
+    bins = raw_bins(StrokeSamples(0, log.time, log.columns), width, np.nan)
     speed = difference_velocity(bins.time, bins.position, SPEED_BINS) / reach
     place = np.clip((bins.position - summary.level) / reach, 0.0, 1.0) * (HATS - 1)
     lasts = np.diff(bins.time, append=log.time[-1])
-    used = np.isfinite(speed) & np.isfinite(place) & (np.abs(speed) > STANDS)
+    used = np.isfinite(speed) & np.isfinite(place) & (np.abs(speed) > _STANDS)
     speed, place, weight = speed[used], place[used], lasts[used]
     weight = weight * (1.0 if summary.vented_rest > 0 else _UNANCHORED)
     left = np.minimum(place.astype(np.int64), HATS - 2)
-    at = HATS * (2 * (speed < 0) + (np.abs(speed) > FAST)) + left
+    at = HATS * (2 * (speed < 0) + (np.abs(speed) > _FAST)) + left
     right = place - left
     G = np.zeros((SIZE, SIZE))
     np.add.at(G, (at, at), weight * (1 - right) ** 2)
@@ -184,8 +184,8 @@ def gram(section: Section, reach: float) -> FloatArray:
     return G
 
 
-def information(G: FloatArray) -> FloatArray:
-    """Information log det(I + G / `ENOUGH`) of Gram matrices in s; 0 for G = 0, increasing with G.
+def information_of(G: FloatArray) -> FloatArray:
+    """Information log det(I + G / `_ENOUGH`) of Gram matrices in s; 0 for G = 0, increasing with G.
 
     Parameters
     ----------
@@ -201,5 +201,5 @@ def information(G: FloatArray) -> FloatArray:
     >>> [round(float(information(G)), 2) for G in (once, once + once, once + elsewhere)]
     [0.69, 1.1, 1.39]
     """
-    value: FloatArray = np.linalg.slogdet(np.eye(SIZE) + G / ENOUGH)[1]
+    value: FloatArray = np.linalg.slogdet(np.eye(SIZE) + G / _ENOUGH)[1]
     return value

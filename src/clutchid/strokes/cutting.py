@@ -1,4 +1,4 @@
-"""`cut`: divide a recording, or consecutive pieces of one, into strokes and rests in bounded memory."""
+"""`sections_of`: divide a recording, or consecutive pieces of one, into strokes and rests in bounded memory."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from clutchid.strokes.rest_level import (
     raw_bins,
     relative_to_rest,
     samples_in_bin,
-    updated,
+    updated_levels,
     windows_of,
 )
 from clutchid.strokes.sampled import difference_velocity
 from clutchid.strokes.section import Section, SectionSummary
-from clutchid.strokes.stream import Samples, blocks, last_known, pieces_of, stretches
+from clutchid.strokes.stream import StrokeSamples, blocks, last_known, pieces_of, stretches
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class _CuttingState:
     time: float = np.nan
 
 
-def cut(recording: Log | Iterable[Log]) -> Iterator[Section]:
+def sections_of(recording: Log | Iterable[Log]) -> Iterator[Section]:
     """Strokes and rests of a recording, in order of time.
 
     The sections are disjoint and contain every sample with known inputs. A hole in time or a missing input ends a
@@ -110,7 +110,9 @@ def _parts(whole: Iterable[Samples]) -> Iterator[CompletedSamples | None]:
         yield from completed(pending, final=True)[0]
 
 
-def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[tuple[Samples, Bins, bool]]]:
+def _binned(
+    block: StrokeSamples, before: _CuttingState
+) -> tuple[_CuttingState, list[tuple[StrokeSamples, Bins, bool]]]:
     """State after a block, and the stretches of the block with their bins."""
     interval = sample_interval(block.time, before.interval)
     width = samples_in_bin(interval)
@@ -126,7 +128,7 @@ def _binned(block: Samples, before: _CuttingState) -> tuple[_CuttingState, list[
     window = windows_of(width * interval)
     level = before.level
     if usable.any():
-        level = updated(level, position[usable], closed[usable], window, quantum_of(block.columns["position"]))
+        level = updated_levels(level, position[usable], closed[usable], window, quantum_of(block.columns["position"]))
     rest = RestLevel(np.nan, np.nan, 0.0, 0.0) if level is None else level
     parts = [
         (samples, relative_to_rest(raw, rest, window), opens)
@@ -177,7 +179,7 @@ def _summary(part: CompletedSamples) -> SectionSummary:
     )
 
 
-def _pulses(samples: Samples, name: str) -> tuple[int, int]:
+def _pulses(samples: StrokeSamples, name: str) -> tuple[int, int]:
     """Number of openings of a closed valve, and number of changes of its duty cycle."""
     duty = samples.columns.get(name)
     if duty is None:

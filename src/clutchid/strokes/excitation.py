@@ -35,7 +35,7 @@ _END_DEPTH = 1e-3
 VENTED_POSITION = 5e-4
 
 #: Vented: the measured pressure is at most this multiple of the ambient one.
-VENTED_PRESSURE = 1.1
+_VENTED_PRESSURE = 1.1
 
 
 class RegionVisit(NamedTuple):
@@ -111,7 +111,7 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     )
 
 
-def joined(parts: Sequence[Excitation]) -> Excitation:
+def joint_excitation(parts: Sequence[Excitation]) -> Excitation:
     """Excitation of several recordings together.
 
     Raises
@@ -164,7 +164,7 @@ def vented_rests(log: Log, p: Parameters) -> list[tuple[int, int]]:
     if "duty_supply" in log:
         still &= log["duty_supply"] <= p.R_0vs
     if "pressure_a" in log:
-        still &= ~(log["pressure_a"] > VENTED_PRESSURE * p.P_0)
+        still &= ~(log["pressure_a"] > _VENTED_PRESSURE * p.P_0)
     spans = runs(still & (np.abs(position) <= VENTED_POSITION))
     return [(a, b) for a, b in spans if time[b - 1] - time[a] >= SHORTEST_REST]
 

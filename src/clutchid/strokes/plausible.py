@@ -12,7 +12,7 @@ from clutchid.log import FloatArray
 from clutchid.strokes.rule import (
     ACCELERATION,
     AGE,
-    BELIEVED,
+    BELIEVED_AFTER,
     BEYOND,
     COMPUTED,
     COUNT,
@@ -27,14 +27,12 @@ from clutchid.strokes.rule import (
     FASTER,
     FRESH,
     GAP,
-    HIGH,
     IMPOSSIBLE,
     IMPROBABLE,
     INTERVAL,
     LAST,
     LEAST_SUPPLY,
     LIKE_SUPPLY,
-    LOW,
     MOST_SUPPLY,
     NOISE,
     OF_SUPPLY,
@@ -43,7 +41,9 @@ from clutchid.strokes.rule import (
     OTHERS_SINCE,
     QUANTUM,
     QUICK,
-    RATE,
+    RANGE_HIGH,
+    RANGE_LOW,
+    RATE_NOW,
     READ_ANEW,
     REPEATED,
     REPEATS,
@@ -69,7 +69,7 @@ from clutchid.strokes.rule import (
 @kernel
 def noisy(watch: FloatArray, limits: FloatArray) -> bool:
     """Whether the noise of the sensor was visible before the present run of equal samples."""
-    least: float = max(TOGGLED * watch[QUANTUM], COMPUTED * (limits[HIGH] - limits[LOW]))
+    least: float = max(TOGGLED * watch[QUANTUM], COMPUTED * (limits[RANGE_HIGH] - limits[RANGE_LOW]))
     return bool(watch[SCATTER_BEFORE] >= least)
 
 
@@ -91,7 +91,7 @@ def possible_step(watch: FloatArray, limits: FloatArray, elapsed: float, dt: flo
 def restart(watch: FloatArray, t: float, y: float) -> None:
     """Take a sample whatever was before."""
     watch[SEEN], watch[SINCE], watch[AGE], watch[LAST] = t, t, t, y
-    watch[RATE], watch[DIFFERENCE], watch[DOUBT] = 0.0, 0.0, math.nan
+    watch[RATE_NOW], watch[DIFFERENCE], watch[DOUBT] = 0.0, 0.0, math.nan
     watch[TURNS_BEFORE], watch[SCATTER_BEFORE] = watch[TURNS], watch[SCATTER]
 
 
@@ -110,7 +110,7 @@ def take(watch: FloatArray, limits: FloatArray, t: float, y: float) -> None:
         watch[TURNS] += SLOWEST * (turned - watch[TURNS])
         watch[DIFFERENCE] = difference
     if difference != 0.0:
-        watch[RATE] += QUICK * (difference / elapsed - watch[RATE])
+        watch[RATE_NOW] += QUICK * (difference / elapsed - watch[RATE_NOW])
         if not anew:
             watch[FRESH] = watch[FRESH] + 1.0 if elapsed < 1.5 * limits[INTERVAL] else 0.0
         watch[QUANTUM] = min(watch[QUANTUM], abs(difference))
@@ -149,7 +149,7 @@ def doubted(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
         if fills_gap(watch, limits, t, y):
             return EXPLAINED
         if t - watch[DOUBT] < min(
-            limits[BELIEVED], 2.0 * (watch[SEEN] - watch[AGE]) + (STANDS - 1.0) * limits[INTERVAL]
+            limits[BELIEVED_AFTER], 2.0 * (watch[SEEN] - watch[AGE]) + (STANDS - 1.0) * limits[INTERVAL]
         ):
             return STEP
         return SEAM
@@ -163,7 +163,7 @@ def doubted(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
 @kernel
 def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
     """Verdict on the next sample."""
-    if math.isnan(y) or not limits[LOW] <= y <= limits[HIGH]:
+    if math.isnan(y) or not limits[RANGE_LOW] <= y <= limits[RANGE_HIGH]:
         watch[EQUAL] = 0.0
         return VALUE if math.isnan(y) else BEYOND
     latest = watch[SEEN] if math.isnan(watch[DOUBT]) else watch[DOUBT_SEEN]
@@ -175,7 +175,7 @@ def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
         if verdict in (VALUE, EXPLAINED):
             take(watch, limits, t, y)
         return verdict
-    step = possible_step(watch, limits, t - watch[SINCE], t - watch[SEEN], watch[RATE])
+    step = possible_step(watch, limits, t - watch[SINCE], t - watch[SEEN], watch[RATE_NOW])
     if abs(y - watch[LAST]) > step:
         doubt(watch, t, y)
         return STEP

@@ -19,10 +19,10 @@ LAGS, _WHITENING_ORDER = 25, 10
 _Z_99 = 2.5758
 
 #: Least number of values for an autocorrelation.
-FEWEST = 2 * LAGS
+FEWEST_VALUES = 2 * LAGS
 
 #: Samples per block of a correlation sum.
-CHUNK = 4096
+_CHUNK = 4096
 
 #: Regularisation of the whitening filter of a constant or a straight line; far below the noise of any duty cycle.
 _RIDGE = 1e-8
@@ -88,7 +88,7 @@ def colour(residual: FloatArray, inputs: Mapping[str, FloatArray], interval: flo
     (0.4, True)
     """
     lag = interval * np.arange(LAGS + 1, dtype=np.float64)
-    if np.isfinite(residual).sum() < FEWEST:
+    if np.isfinite(residual).sum() < FEWEST_VALUES:
         blank = np.full(LAGS + 1, np.nan)
         return Colour(interval, lag, blank, blank, np.nan, np.nan)
     r, pairs = _autocorrelation(residual)
@@ -125,7 +125,7 @@ def effective_samples(residual: FloatArray, block: int) -> float:
     finite = residual[np.isfinite(residual)]
     means = block_means(residual, block)
     full = np.isfinite(means)
-    if finite.size < FEWEST or full.sum() < 2:
+    if finite.size < FEWEST_VALUES or full.sum() < 2:
         return float(finite.size) if finite.size else float("nan")
     x = _centred(means)
     size = 1 << int(2 * x.size - 1).bit_length()
@@ -176,11 +176,11 @@ def _crossed(residual: FloatArray, values: FloatArray, interval: float) -> Cross
     bounds.
     """
     finite = values[np.isfinite(values)]
-    if finite.size < FEWEST or not np.ptp(finite) > 0.0:
+    if finite.size < FEWEST_VALUES or not np.ptp(finite) > 0.0:
         return None
     whitener = _whitener(_centred(values))
     e, u = (np.convolve(x, whitener, mode="valid") for x in (residual, values))
-    if min(np.isfinite(e).sum(), np.isfinite(u).sum()) < FEWEST:
+    if min(np.isfinite(e).sum(), np.isfinite(u).sum()) < FEWEST_VALUES:
         e, u = residual, values  # the gaps are too dense to filter: use Bartlett's formula alone
     colour_left = _autocorrelation(e)[0] * _autocorrelation(u)[0]
     spread = max(1.0, float(colour_left[0] + 2 * colour_left[1:].sum()))
@@ -205,8 +205,8 @@ def _products(e: FloatArray, u: FloatArray, lags: range) -> FloatArray:
     aside = max(abs(lag) for lag in lags)
     padded = np.concatenate([np.zeros(aside), e, np.zeros(aside)])
     sums = np.zeros(len(lags))
-    for start in range(0, u.size, CHUNK):
-        piece = u[start : start + CHUNK]
+    for start in range(0, u.size, _CHUNK):
+        piece = u[start : start + _CHUNK]
         for i, lag in enumerate(lags):
             first = start + aside + lag
             sums[i] += padded[first : first + piece.size] @ piece

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import BoolArray, FloatArray
-from clutchid.strokes.stream import Samples
+from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.stroke import QUICKEST
 
 #: Time in s over which a position counts as still, and shortest rest.
@@ -23,7 +23,7 @@ _MOVES = 5.0
 
 #: Fractions of the reach: half width of the band that counts as at rest, change within `STILL` s that counts as still,
 #: and upper limit of the noise estimate while the piston moves.
-BAND, CREEP, _MOST_NOISE = 0.02, 0.01, 0.03
+REST_BAND, CREEP, _MOST_NOISE = 0.02, 0.01, 0.03
 
 #: The lowest rest is vented only if the piston goes no further below it than this fraction of the reach: a cylinder
 #: that cycles may be still at the far end only.
@@ -34,7 +34,7 @@ LOW_END = 0.15
 _ROUGH = 10.0
 
 #: Largest factor by which the noise changes from block to block, and forgetting factor of an outlying reach.
-GROWTH, _FADING = 1.25, 0.02
+_GROWTH, _FADING = 1.25, 0.02
 
 #: After this many moving blocks without a rest at the level, the lowest rest is the new level: the zero has changed.
 LOST = 3
@@ -57,7 +57,7 @@ class RestLevel:
     @property
     def band(self) -> float:
         """Half width in m of the band that counts as at rest."""
-        return max(2.0 * self.noise, 1.5 * self.quantum, self._fraction(BAND))
+        return max(2.0 * self.noise, 1.5 * self.quantum, self._fraction(REST_BAND))
 
     @property
     def near(self) -> float:
@@ -93,7 +93,9 @@ def quantum_of(position: FloatArray) -> float:
     return float(real.min()) if real.size else 0.0
 
 
-def updated(before: RestLevel | None, position: FloatArray, closed: BoolArray, width: int, step: float) -> RestLevel:
+def updated_levels(
+    before: RestLevel | None, position: FloatArray, closed: BoolArray, width: int, step: float
+) -> RestLevel:
     """Estimates after a further block.
 
     Parameters
@@ -117,7 +119,7 @@ def updated(before: RestLevel | None, position: FloatArray, closed: BoolArray, w
     moving = span > _MOVES * max(calm, step)
     noise = min(calm, _MOST_NOISE * span, _ROUGH * _roughness(position)) if moving else calm
     if before is not None:
-        noise = min(max(noise, before.noise / GROWTH), max(before.noise, step) * GROWTH)
+        noise = min(max(noise, before.noise / _GROWTH), max(before.noise, step) * _GROWTH)
     reach = np.nan if before is None else before.reach
     draft = RestLevel(np.nan, max(span, np.nan_to_num(reach)) if moving else reach, noise, step)
     level, lost = _level(before, draft, position, (spread <= draft.creep) & closed, moving)
@@ -218,7 +220,7 @@ def samples_in_bin(interval: float) -> int:
     return max(1, round(BIN / interval)) if interval > 0 else 1
 
 
-def raw_bins(samples: Samples, width: int, before: float) -> RawBins:
+def raw_bins(samples: StrokeSamples, width: int, before: float) -> RawBins:
     """Bins of `width` samples, the last one shorter; `before` is the last known position in m before them."""
     n = len(samples)
     edges = np.arange(0, n, width)

@@ -12,12 +12,12 @@ VALUE, BEYOND, STEP, SEAM, REPEATED, EXPLAINED = range(6)
 #: turning points; that and the mean second difference before the present run; smallest change; number of differences;
 #: of samples in doubt since when, last one, its time, its rate, when it was first read; equal samples so far; the other
 #: channels, and when they changed.
-(SEEN, LAST, SINCE, RATE, SCATTER, DIFFERENCE, FRESH, AGE, TURNS, TURNS_BEFORE, SCATTER_BEFORE, QUANTUM, COUNT, DOUBT,
- DOUBTED, DOUBT_SEEN, DOUBT_RATE, DOUBT_SINCE, EQUAL, OTHER_0, OTHER_1, OTHERS_SINCE) = range(22)  # fmt: skip
+(SEEN, LAST, SINCE, RATE_NOW, SCATTER, DIFFERENCE, FRESH, AGE, TURNS, TURNS_BEFORE, SCATTER_BEFORE, QUANTUM, COUNT,
+ DOUBT, DOUBTED, DOUBT_SEEN, DOUBT_RATE, DOUBT_SINCE, EQUAL, OTHER_0, OTHER_1, OTHERS_SINCE) = range(22)  # fmt: skip
 
 #: Entries of the limits: range; largest rate and acceleration; noise; times for which a sensor may repeat a value and
 #: after which a step that stays is believed, longest gap, and usual interval, in s.
-LOW, HIGH, SPEED, ACCELERATION, NOISE, REPEATS, BELIEVED, GAP, INTERVAL = range(9)
+RANGE_LOW, RANGE_HIGH, SPEED, ACCELERATION, NOISE, REPEATS, BELIEVED_AFTER, GAP, INTERVAL = range(9)
 
 #: Weights of a new difference in the rate, in the scatter, and in the share of turning points: fast motion has none.
 QUICK, SLOW, SLOWEST = 0.25, 1.0 / 64.0, 1.0 / 256.0

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from clutchid.log import BoolArray, FloatArray, sample_interval
 
-IntArray: TypeAlias = NDArray[np.intp]
+IndexArray: TypeAlias = NDArray[np.intp]
 
 #: Samples per block of the noise estimate, and fraction of the blocks that counts as quiet.
-BLOCK, _QUIET = 32, 0.1
+_BLOCK, _QUIET = 32, 0.1
 
 #: Largest number of values used for the quantisation step.
-ENOUGH = 200_000
+_ENOUGH = 200_000
 
 #: The longest runs are left out of the usual length of a run: they may be the fault that is searched for.
 LEFT_OUT = 3
@@ -59,8 +59,8 @@ def velocity(time: FloatArray, position: FloatArray, window: float) -> FloatArra
 class Runs:
     """Runs of at least two samples with the same value: first sample, number of samples, value."""
 
-    start: IntArray
-    length: IntArray
+    start: IndexArray
+    length: IndexArray
     value: FloatArray
 
     def longest(self, among: BoolArray, left_out: int = 0) -> int:
@@ -100,7 +100,7 @@ def constant_runs(values: FloatArray) -> Runs:
     return Runs(starts, stops - starts + 1, values[starts])
 
 
-def run_ends(mask: BoolArray) -> tuple[IntArray, IntArray]:
+def run_ends(mask: BoolArray) -> tuple[IndexArray, IndexArray]:
     """First samples, and first samples after, of the runs in which `mask` is true.
 
     Examples
@@ -108,7 +108,7 @@ def run_ends(mask: BoolArray) -> tuple[IntArray, IntArray]:
     >>> [ends.tolist() for ends in run_ends(np.array([True, False, True, True]))]
     [[0, 2], [1, 4]]
     """
-    ends: IntArray = np.array(runs(mask), dtype=np.intp).reshape(-1, 2)
+    ends: IndexArray = np.array(runs(mask), dtype=np.intp).reshape(-1, 2)
     return ends[:, 0], ends[:, 1]
 
 
@@ -127,15 +127,15 @@ def noise(values: FloatArray) -> float:
     True
     """
     finite = values[np.isfinite(values)]
-    count = finite.size // BLOCK
+    count = finite.size // _BLOCK
     if count == 0:
         return float("nan")
-    blocks = finite[: count * BLOCK].reshape(count, BLOCK)
-    line = np.linspace(-1, 1, BLOCK)
+    blocks = finite[: count * _BLOCK].reshape(count, _BLOCK)
+    line = np.linspace(-1, 1, _BLOCK)
     line /= np.sqrt(line @ line)
     centred = blocks - blocks.mean(axis=1, keepdims=True)
     left = centred - np.outer(centred @ line, line)
-    spread = np.sqrt(np.maximum(np.sum(left**2, axis=1), 0.0) / (BLOCK - 2))
+    spread = np.sqrt(np.maximum(np.sum(left**2, axis=1), 0.0) / (_BLOCK - 2))
     alive = np.ptp(blocks, axis=1) > 0
     return float(np.quantile(spread[alive] if 2 * alive.sum() > count else spread, _QUIET))
 
@@ -150,7 +150,7 @@ def quantum(values: FloatArray) -> float:
     ('12.0 um', 0.0)
     """
     finite = values[np.isfinite(values)]
-    levels = np.unique(finite[:: -(-finite.size // ENOUGH) or 1])
+    levels = np.unique(finite[:: -(-finite.size // _ENOUGH) or 1])
     # floating-point rounding errors are not steps
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * np.ptp(levels)] if levels.size > 2 else steps

@@ -13,10 +13,10 @@ from clutchid.errors import DataError
 from clutchid.log import HOLE, Log, concatenated
 from clutchid.strokes.stream import joined_edges
 
-Kind = Literal["stroke", "rest"]
+SectionKind = Literal["stroke", "rest"]
 
 #: Labels of strokes and of rests, in the field's words.
-STROKES = (
+STROKE_LABELS = (
     "full stroke",
     "partial stroke",
     "gear shift",
@@ -65,7 +65,7 @@ class Section:
     Two sections are adjacent if the last sample of one is followed by the first of the other.
     """
 
-    kind: Kind
+    kind: SectionKind
     label: str
     log: Log
     start: float

@@ -15,11 +15,11 @@ from clutchid.log import Samples as StampedValues
 Edges = Mapping[str, StampedValues]
 
 #: Samples per block. All estimates are updated per block, so the sections do not depend on the lengths of the pieces.
-BLOCK = 2**16
+_BLOCK = 2**16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Samples:
+class StrokeSamples:
     """Consecutive samples: index of the first one in the recording, time in s, columns in SI, edges as of a `Log`."""
 
     first: int
@@ -30,18 +30,18 @@ class Samples:
     def __len__(self) -> int:
         return int(self.time.size)
 
-    def part(self, start: int, stop: int) -> Samples:
+    def part(self, start: int, stop: int) -> StrokeSamples:
         """Samples `start` to `stop` (exclusive), counted from the first, as a view."""
         columns = {name: values[start:stop] for name, values in self.columns.items()}
-        return Samples(self.first + start, self.time[start:stop], columns, self._edges(start, stop))
+        return StrokeSamples(self.first + start, self.time[start:stop], columns, self._edges(start, stop))
 
-    def followed_by(self, *others: Samples) -> Samples:
+    def followed_by(self, *others: StrokeSamples) -> StrokeSamples:
         """These samples and the next ones."""
         if not others:
             return self
         parts = (self, *others)
         columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in self.columns}
-        return Samples(self.first, np.concatenate([part.time for part in parts]), columns, joined_edges(parts))
+        return StrokeSamples(self.first, np.concatenate([part.time for part in parts]), columns, joined_edges(parts))
 
     def _edges(self, start: int, stop: int) -> Edges:
         """Edges of samples `start` to `stop` (exclusive) and of the interval behind them.
@@ -59,7 +59,7 @@ class Samples:
         return edges
 
 
-def joined_edges(parts: Sequence[Log | Samples]) -> Edges:
+def joined_edges(parts: Sequence[Log | StrokeSamples]) -> Edges:
     """Edges of consecutive samples; where a part has none of a column they are its samples, as elsewhere."""
     names = dict.fromkeys(name for part in parts for name in part.edges)
     pieces = {name: [part.edges.get(name, (part.time, part.columns[name])) for part in parts] for name in names}
@@ -99,9 +99,9 @@ def pieces_of(recording: Log | Iterable[Log]) -> Iterator[Log]:
             yield piece
 
 
-def blocks(pieces: Iterable[Log]) -> Iterator[Samples]:
-    """The recording in blocks of `BLOCK` samples, the last one shorter."""
-    pending: list[Samples] = []
+def blocks(pieces: Iterable[Log]) -> Iterator[StrokeSamples]:
+    """The recording in blocks of `_BLOCK` samples, the last one shorter."""
+    pending: list[StrokeSamples] = []
     size_pending, count, last = 0, 0, -np.inf
     for piece in pieces:
         until = float(piece.time[-1])
@@ -110,11 +110,11 @@ def blocks(pieces: Iterable[Log]) -> Iterator[Samples]:
             for name, (stamps, values) in piece.edges.items()
             for new in [(stamps > last) & (stamps <= until)]
         }
-        rest = Samples(count, piece.time, piece.columns, edges)
+        rest = StrokeSamples(count, piece.time, piece.columns, edges)
         count, last = count + len(rest), until
-        while size_pending + len(rest) >= BLOCK:
-            pending.append(rest.part(0, BLOCK - size_pending))
-            rest, size_pending = rest.part(BLOCK - size_pending, len(rest)), 0
+        while size_pending + len(rest) >= _BLOCK:
+            pending.append(rest.part(0, _BLOCK - size_pending))
+            rest, size_pending = rest.part(_BLOCK - size_pending, len(rest)), 0
             yield pending[0].followed_by(*pending[1:])
             pending = []
         if len(rest):
@@ -124,7 +124,7 @@ def blocks(pieces: Iterable[Log]) -> Iterator[Samples]:
         yield pending[0].followed_by(*pending[1:])
 
 
-def stretches(block: Samples, before: float, interval: float) -> list[tuple[Samples, bool]]:
+def stretches(block: StrokeSamples, before: float, interval: float) -> list[tuple[StrokeSamples, bool]]:
     """Parts of a block without a hole in time or a missing input, each with whether a hole or the beginning precedes.
 
     Parameters
@@ -149,7 +149,7 @@ def stretches(block: Samples, before: float, interval: float) -> list[tuple[Samp
     return [(block.part(first, last + 1), not linked[first]) for first, last in pairs]
 
 
-def last_known(block: Samples) -> float:
+def last_known(block: StrokeSamples) -> float:
     """Time of the last sample in s, NaN where its inputs are missing."""
     complete = all(np.isfinite(block.columns[name][-1]) for name in INPUTS if name in block.columns)
     return float(block.time[-1]) if complete else np.nan

@@ -26,25 +26,25 @@ Verdicts: TypeAlias = NDArray[np.uint8]
 
 #: A position is none further beyond the stops than this in m: a vented rest may have moved by 5 mm since the
 #: calibration (`clutchid.strokes.vented_rest.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.
-BEYOND = 7e-3
+_BEYOND_STOPS = 7e-3
 
 #: Absolute pressures in Pa of a vented or filled chamber, below 0.3 bar no brake system vents, and of an air supply.
-PRESSURES, SUPPLY = (0.3e5, rule.MOST_SUPPLY), (rule.LEAST_SUPPLY, rule.MOST_SUPPLY)
+_PRESSURES, _SUPPLY = (0.3e5, rule.MOST_SUPPLY), (rule.LEAST_SUPPLY, rule.MOST_SUPPLY)
 
 #: Factors: on the conductances of the valves and on rates of pressure and velocity, and on the viscous friction, by
 #: which a truck may differ from the actuator that it is compared with: three standard deviations of their priors.
-FASTER, _FREER = 1.5, 0.4
+_FASTER, _FREER = 1.5, 0.4
 
 #: Noise of a sensor whose samples scatter less, in standard deviations of `SENSORS`: once in 10^15 samples.
-DEVIATIONS = 8.0
+_DEVIATIONS = 8.0
 
 #: Samples for which a sensor may repeat its value because it is slower than the recording, and times in s: the longest
 #: gap over which a step is judged, and after which a step that stays is another zero, not an outlier. The resolution of
 #: the clock is within them: no rounding decides on a sample.
-REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0 - 0.5 * RESOLUTION
+_REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0 - 0.5 * RESOLUTION
 
 #: Where more than this share of a channel were none, its unit, its sign or its zero is wrong, which the checks say.
-MOST = 0.2
+_MOST = 0.2
 
 
 class Motion(NamedTuple):
@@ -76,11 +76,11 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
     '0.84 m/s, 0.24 bar/ms'
     """
     p = actuator.parameters
-    power = FASTER * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
+    power = _FASTER * p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
     force, friction = p.P_0 * p.A_A, _FREER * p.D_v
     velocity = 2.0 * power / (force + math.sqrt(force**2 + 4.0 * friction * power))
     rate = 1.4 * power / p.V_0A
-    return Motion(velocity, FASTER * (2.0 * p.F_C + p.A_A * rate * interval) / p.M, rate)
+    return Motion(velocity, _FASTER * (2.0 * p.F_C + p.A_A * rate * interval) / p.M, rate)
 
 
 #: Of each measured column the least and the largest limits for which its samples are judged alike.
@@ -95,13 +95,13 @@ def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
     """Limits of the position or of the pressure in chamber A, for samples that are `interval` s apart."""
     motion = possible_motion(actuator, interval)
     if column == "position":
-        low, high = -BEYOND, actuator.parameters.y_max + BEYOND
+        low, high = -_BEYOND_STOPS, actuator.parameters.y_max + _BEYOND_STOPS
         rates = motion.velocity, motion.acceleration
     else:
-        (low, high), rates = PRESSURES, (motion.pressure_rate, math.inf)
+        (low, high), rates = _PRESSURES, (motion.pressure_rate, math.inf)
     gap = max(_LONGEST_GAP, HOLE * interval) + 0.5 * RESOLUTION
-    noise = DEVIATIONS * SENSORS[column].noise
-    return np.array([low, high, *rates, noise, REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
+    noise = _DEVIATIONS * SENSORS[column].noise
+    return np.array([low, high, *rates, noise, _REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
 
 
 def new_watch() -> FloatArray:
@@ -288,7 +288,7 @@ ROUNDING = 1e-3
 
 #: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit,
 #: and a duty cycle is refused by the observer and the simulation; a supply pressure counts as not recorded.
-_RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_supply": SUPPLY}
+_RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_supply": _SUPPLY}
 
 
 def within_rounding(duty: FloatArray) -> FloatArray:
@@ -329,7 +329,7 @@ def _out_of_range(log: Log, name: str, missing: dict[str, BoolArray]) -> list[Fa
 
 
 def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
-    return bool(np.sum(wrong) > MOST * np.sum(np.isfinite(log[name])))
+    return bool(np.sum(wrong) > _MOST * np.sum(np.isfinite(log[name])))
 
 
 def _judge(

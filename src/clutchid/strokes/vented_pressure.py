@@ -31,25 +31,25 @@ class VentedPrior(NamedTuple):
 ABSOLUTE = VentedPrior(1.03e5, 6e3, "sea level to 500 m, 3 kPa of weather, 2 kPa of offset; a guess, CONTRACT.md")
 
 #: Standard deviation in Pa of the offset of a sensor, beside an ambient pressure that is known.
-OFFSET = VentedPrior(0.0, 2e3, "half a bar of range to one per cent; that of the virtual trucks is up to 2 kPa")
+OFFSET_PRIOR = VentedPrior(0.0, 2e3, "half a bar of range to one per cent; that of the virtual trucks is up to 2 kPa")
 
 #: Length in s of a bin, of which the mean is taken, longer than noise of sensors is correlated; fewest bins of a rest.
-BIN, FEWEST = 0.02, 4
+_BIN, _FEWEST = 0.02, 4
 
 #: From this duty cycle on a valve is open whatever its dead zone. Between `CLOSED` and it a chamber may look vented:
 #: those of trucks 2 and 3 of `../shared/data/trucks` stay 0.07 and 0.14 bar above it at 0.16.
-OPEN = 0.5
+_OPEN = 0.5
 
 #: Last parts of a rest in which the pressure may be level: of the one at the start, and of one after a stroke.
-AT_START, _AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
+_AT_START, _AFTER_STROKE = (1.0, 0.5, 0.25), (1 / 2, 1 / 3, 1 / 4)
 
 #: A decay is over where the pressure has fallen by this multiple of what it may still fall in a last part as long;
 #: elsewhere, such as at the start, it may go on with this time constant in s. Those of trucks 0 to 5 of both families
 #: are below 0.17 s.
-_DECAYED, SLOWEST = 2.0, 0.5
+_DECAYED, _SLOWEST = 2.0, 0.5
 
 #: Smallest standard deviation in Pa of the pressure of a rest, and drift over a rest that counts as none.
-LEAST = 100.0
+_LEAST = 100.0
 
 #: Standard deviations by which a pressure differs significantly from its prior, or from another.
 SIGNIFICANT = 3.0
@@ -72,7 +72,7 @@ class VentedPressure(NamedTuple):
 
 
 class _Bins(NamedTuple):
-    """Means over `BIN` s: time and pressure; whether the supply is closed, the exhaust open, the piston low."""
+    """Means over `_BIN` s: time and pressure; whether the supply is closed, the exhaust open, the piston low."""
 
     time: FloatArray
     pressure: FloatArray
@@ -100,17 +100,17 @@ class _Level(NamedTuple):
     def hidden(self) -> float:
         """Standard deviation in Pa of a decay that goes on, which the noise hides."""
         over = self.fall >= _DECAYED * (abs(self.drift) + self.drift_std)
-        return self.drift_std * (1.0 if over else max(SLOWEST / self.seconds, 1.0))
+        return self.drift_std * (1.0 if over else max(_SLOWEST / self.seconds, 1.0))
 
     @property
     def flat(self) -> bool:
-        return abs(self.drift) <= max(SIGNIFICANT * self.drift_std, LEAST)
+        return abs(self.drift) <= max(SIGNIFICANT * self.drift_std, _LEAST)
 
 
 def vented_prior(log: Log) -> VentedPrior:
     """Output of the pressure sensor of a recording while the chamber is vented, before a rest is seen."""
     ambient = log.metadata.get("ambient_Pa" if _is_gauge(log) else VENTED_KEY)
-    return ABSOLUTE if ambient is None else VentedPrior(float(ambient), OFFSET.std, OFFSET.source)
+    return ABSOLUTE if ambient is None else VentedPrior(float(ambient), OFFSET_PRIOR.std, OFFSET_PRIOR.source)
 
 
 def _is_gauge(log: Log) -> bool:
@@ -165,27 +165,27 @@ def vented_pressure(log: Log) -> VentedPressure | None:
     settled = []
     if start is not None and _possible(start, prior) and not _above(start, later, bins.pressure[stop:]):
         if not bins.opened[:stop].any():
-            rest = np.abs(log.time - bins.time[stop - start.bins : stop].mean()) <= (start.seconds + BIN) / 2.0
+            rest = np.abs(log.time - bins.time[stop - start.bins : stop].mean()) <= (start.seconds + _BIN) / 2.0
             # the median, because single samples may be none
-            return VentedPressure(float(np.nanmedian(log["pressure_a"][rest])), max(start.std, LEAST), closed=True)
+            return VentedPressure(float(np.nanmedian(log["pressure_a"][rest])), max(start.std, _LEAST), closed=True)
         settled.append(start)
     if later is not None and _possible(later, prior):
         settled.append(later)
-    levels = [VentedPressure(level.mean, max(math.hypot(level.std, level.hidden), LEAST)) for level in settled]
+    levels = [VentedPressure(level.mean, max(math.hypot(level.std, level.hidden), _LEAST)) for level in settled]
     return min(levels, key=lambda level: level.std, default=None)
 
 
 def lowest_pressure(log: Log) -> float:
-    """Lowest mean pressure over `FEWEST` bins in Pa, which a vented chamber does not exceed; infinity without one."""
+    """Lowest mean pressure over `_FEWEST` bins in Pa, which a vented chamber does not exceed; infinity without one."""
     bins = _bins(log)
-    return math.inf if bins is None else float(np.min(_means(bins.pressure, FEWEST), initial=math.inf))
+    return math.inf if bins is None else float(np.min(_means(bins.pressure, _FEWEST), initial=math.inf))
 
 
 def _bins(log: Log) -> _Bins | None:
     """The bins with a pressure and without a hole in time; None where the recording lacks a column or is too short."""
     if any(name not in log for name in ("pressure_a", "position", *INPUTS)) or len(log) < 2:
         return None
-    width = max(1, round(BIN / sample_interval(log.time)))
+    width = max(1, round(_BIN / sample_interval(log.time)))
     count = len(log) // width
 
     def blocks(values: FloatArray) -> FloatArray:
@@ -194,14 +194,14 @@ def _bins(log: Log) -> _Bins | None:
     pressure, position = blocks(log["pressure_a"]), blocks(log["position"])
     usable = np.isfinite(pressure).any(axis=1) & np.isfinite(position).any(axis=1)
     usable &= np.ptp(blocks(log.time), axis=1) <= 2.0 * width * sample_interval(log.time)
-    if usable.sum() < FEWEST:
+    if usable.sum() < _FEWEST:
         return None
     level = np.nanmean(position[usable], axis=1)
     return _Bins(
         blocks(log.time)[usable].mean(axis=1),
         np.nanmean(pressure[usable], axis=1),
         np.nan_to_num(blocks(log["duty_supply"]), nan=1.0)[usable].max(axis=1) <= CLOSED,
-        np.nan_to_num(blocks(log["duty_exhaust"]))[usable].mean(axis=1) >= OPEN,
+        np.nan_to_num(blocks(log["duty_exhaust"]))[usable].mean(axis=1) >= _OPEN,
         level <= level.min() + LOW_END * np.ptp(level),
     )
 
@@ -211,7 +211,7 @@ def _at_start(bins: _Bins) -> tuple[_Level | None, int]:
     rests = runs(bins.closed & bins.low)
     if not rests or rests[0][0] > 0:
         return None, 0
-    return _flat(bins, rests[0], AT_START), rests[0][1]
+    return _flat(bins, rests[0], _AT_START), rests[0][1]
 
 
 def _after_strokes(bins: _Bins) -> _Level | None:
@@ -237,7 +237,7 @@ def _flat(bins: _Bins, rest: tuple[int, int], parts: Sequence[float]) -> _Level 
     """Level of the longest last part of a rest in which its pressure is flat; None without one."""
     a, b = rest
     for length in (int(part * (b - a)) for part in parts):
-        if length >= FEWEST:
+        if length >= _FEWEST:
             level = _level(bins.time[b - length : b], bins.pressure[b - length : b])
             if level.flat:
                 return level
@@ -250,7 +250,7 @@ def _level(time: FloatArray, pressure: FloatArray) -> _Level:
     moment, seconds = float(centred @ centred), float(np.ptp(time))
     slope = float(centred @ pressure) / moment
     beside = pressure - mean - slope * centred
-    noise = max(float(np.sqrt(beside @ beside / (time.size - 2))), LEAST)
+    noise = max(float(np.sqrt(beside @ beside / (time.size - 2))), _LEAST)
     drift_std = noise * seconds / math.sqrt(moment)
     return _Level(mean, noise / math.sqrt(time.size), slope * seconds, drift_std, noise, seconds, time.size)
 
@@ -281,13 +281,13 @@ def _above(start: _Level, later: _Level | None, pressure: FloatArray) -> bool:
     """Whether the rest at the start lies above later rests, or above a later pressure."""
     if later is not None:
         difference = math.hypot(start.std, later.std, later.hidden)
-        if start.mean - later.mean > max(SIGNIFICANT * difference, LEAST):
+        if start.mean - later.mean > max(SIGNIFICANT * difference, _LEAST):
             return True
-    for width in {FEWEST, start.bins}:
+    for width in {_FEWEST, start.bins}:
         means = _means(pressure, width)
         # the lowest of so many means lies below the mean of all
         extreme = SIGNIFICANT + math.sqrt(2.0 * math.log(max(means.size / width, 1.0)))
-        allowed = max(extreme * start.noise * math.sqrt(1.0 / start.bins + 1.0 / width), LEAST)
+        allowed = max(extreme * start.noise * math.sqrt(1.0 / start.bins + 1.0 / width), _LEAST)
         if np.any(means < start.mean - allowed):
             return True
     return False

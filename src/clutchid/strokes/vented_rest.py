@@ -26,7 +26,7 @@ from clutchid.strokes.rest_level import (
     windows_of,
 )
 from clutchid.strokes.sampled import runs
-from clutchid.strokes.stream import Samples
+from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.values import Values
 
 #: Time in s for which the exhaust valve is open at a vented rest, after the piston has come to a standstill or within
@@ -140,7 +140,7 @@ def vented_rest(log: Log) -> VentedRest | None:
     """
     if "position" not in log or len(log) < 2 or not np.isfinite(log["position"]).any():
         return None
-    samples = Samples(0, log.time, log.columns)
+    samples = StrokeSamples(0, log.time, log.columns)
     interval = sample_interval(samples.time, 0.0)
     if not interval > 0.0:
         return None
@@ -178,7 +178,7 @@ def _rests(raw: RawBins, opened: BoolArray | None, seconds: float) -> list[tuple
     return rests
 
 
-def merged(rests: Sequence[VentedRest | None]) -> VentedRest | None:
+def merged_levels(rests: Sequence[VentedRest | None]) -> VentedRest | None:
     """The levels of several recordings of one actuator together; None without any."""
     readings = [rest for rest in rests if rest is not None]
     if not readings:

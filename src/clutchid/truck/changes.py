@@ -9,7 +9,7 @@ from typing import TypeVar
 from clutchid.names import check_names
 from clutchid.truck.vehicle import Vehicle
 
-Kind = TypeVar("Kind", bound=Vehicle)
+_Kind = TypeVar("_Kind", bound=Vehicle)
 
 #: Named changes and what they are: those whose effect on a calibrated reading is to be known.
 CHANGES: Mapping[str, str] = MappingProxyType({
@@ -24,7 +24,7 @@ CHANGES: Mapping[str, str] = MappingProxyType({
 _TEMPERATURES = {"cold": (-30.0, 2.0), "warm": (30.0, 0.6)}
 
 
-def aged(truck: Kind, wear: float = 0.0, cycles: float = 0.0) -> Kind:
+def aged(truck: _Kind, wear: float = 0.0, cycles: float = 0.0) -> _Kind:
     """`truck` after additional wear and strokes.
 
     Wear moves the working point of the diaphragm, the touch point of the clutch and the engaged rest of the piston;
@@ -53,7 +53,7 @@ def aged(truck: Kind, wear: float = 0.0, cycles: float = 0.0) -> Kind:
     return truck.replace({"wear": truck.wear + wear, "cycles": truck.cycles + cycles})
 
 
-def changed(truck: Kind, *changes: str) -> Kind:
+def changed(truck: _Kind, *changes: str) -> _Kind:
     """`truck` after changes between its calibration and its use, each by its name in `CHANGES`, one after the other.
 
     Raises
@@ -77,11 +77,11 @@ def changed(truck: Kind, *changes: str) -> Kind:
     return truck
 
 
-def _scaled(truck: Kind, factors: Mapping[str, float]) -> Kind:
+def _scaled(truck: _Kind, factors: Mapping[str, float]) -> _Kind:
     return truck.replace({name: getattr(truck, name) * factor for name, factor in factors.items()})
 
 
-def _at_temperature(truck: Kind, change: float, factor: float) -> Kind:
+def _at_temperature(truck: _Kind, change: float, factor: float) -> _Kind:
     """`truck` warmer by `change` in K, with `factor` times its viscous friction: the grease's own law and the rest."""
     other, viscosity = truck.replace({"T_0": truck.T_0 + change}), truck.parts.friction.viscosity
     return _scaled(other, {"D_v": factor * viscosity(truck) / viscosity(other)})

@@ -18,7 +18,7 @@ from clutchid.truck.changes import aged, changed
 from clutchid.truck.families import truck as numbered
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
-from clutchid.truck.running import Course, Run, learned_zero, run
+from clutchid.truck.running import Course, TruckRun, learned_zero, run_truck
 from clutchid.truck.settings import SAMPLE
 from clutchid.truck.truth import Truth, truth_of, write_truth
 from clutchid.truck.vehicle import Vehicle
@@ -156,7 +156,7 @@ def drive(
     forced = np.full((wanted.size, 2), np.nan) if duties is None else _duties(duties, wanted.size)
     course = Course(wanted, forced, noise, _samples(stuck), shift)
     p_S, working = truck.parts.supply.start(truck, of_air)
-    driven = run(truck, course, start=at_rest(truck, curve, p_S), working=working)
+    driven = run_truck(truck, course, start=at_rest(truck, curve, p_S), working=working)
     read = sensor.measured_pressure(truck, driven.pressure, of_air) if pressure else None
     log = _recorded(driven, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
     log = recording.with_late_duties(log, round(late / SAMPLE))
@@ -194,7 +194,7 @@ def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -
     """
     forced = _duties(np.column_stack([duty_supply, duty_exhaust]))
     curve, nothing = load_curve(truck), np.zeros(len(forced))
-    response = run(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
+    response = run_truck(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
     return Drive(_recorded(response, response.pressure, "response", {}), truth_of(truck, curve, response), nothing)
 
 
@@ -219,7 +219,7 @@ def _fallen(truck: Vehicle, curve: LoadTable) -> float:
     return learned_zero(truck, curve) - learned_zero(new, load_curve(new))
 
 
-def _recorded(motion: Run, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
+def _recorded(motion: TruckRun, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
     columns = {"position": motion.measured, "duty_supply": motion.duties[:, 0], "duty_exhaust": motion.duties[:, 1]}
     return Log(motion.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
 

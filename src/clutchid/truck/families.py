@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.kinds import kind_of
+from clutchid.truck.kinds import truck_type
 from clutchid.truck.parts import PARTS, STATEFUL, Parts, parts_of
 from clutchid.truck.vehicle import ZEROS, Vehicle
 
 #: The files with the ranges of the families; that of family A is versioned alone.
-FILES = {family: Path(__file__).parent / name for family, name in (("A", "ranges.toml"), ("B", "ranges_b.toml"))}
-RANGES = FILES["A"]
+RANGE_FILES = {family: Path(__file__).parent / name for family, name in (("A", "ranges.toml"), ("B", "ranges_b.toml"))}
+RANGES = RANGE_FILES["A"]
 
 #: Start of the name of a hybrid's family, before its seed.
 _HYBRID = "h:"
@@ -27,7 +27,7 @@ _HYBRID = "h:"
 _SALT = 104
 
 #: So many hybrids with consecutive seeds have each part of a slot equally often.
-BLOCK = 16
+_BLOCK = 16
 
 
 def truck(number: int, family: str = "A") -> Vehicle:
@@ -55,25 +55,25 @@ def truck(number: int, family: str = "A") -> Vehicle:
     """
     if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or number < 0:
         raise ParameterError(f"truck {number}: truck types are numbered 0, 1, 2, ...")
-    if family in FILES:
-        table = ranges(FILES[family])
+    if family in RANGE_FILES:
+        table = family_ranges(RANGE_FILES[family])
         rng = np.random.default_rng([table["version"], int(number), *table.get("salt", ())])
         return _built(PARTS[family], _basic(table, rng), table["share"], rng)
     parts = parts_of(hybrid_letters(family))
-    tables = {name: ranges(path) for name, path in FILES.items()}
+    tables = {name: family_ranges(path) for name, path in RANGE_FILES.items()}
     rng = np.random.default_rng([*(table["version"] for table in tables.values()), _SALT, _seed(family), int(number)])
     drawn = _chosen(parts, {name: _basic(table, rng) for name, table in tables.items()})
     drawn["zero"] = _one_of(ZEROS, family, len(parts))
     return _built(parts, drawn, tables["A"]["share"] | tables["B"]["share"], rng)
 
 
-def label(family: str) -> str:
+def family_label(family: str) -> str:
     """A family in the names of files: that of a hybrid without its colon, and apart from a number that follows."""
     return f"{family.replace(':', '')}_" if family.startswith(_HYBRID) else family
 
 
 def hybrid_letters(family: str) -> str:
-    """Families of the parts of the hybrid ``h:SEED``; each `BLOCK` of seeds has each part of a slot equally often.
+    """Families of the parts of the hybrid ``h:SEED``; each `_BLOCK` of seeds has each part of a slot equally often.
 
     But where all parts with states are of one family, the flow is as well.
 
@@ -90,8 +90,8 @@ def hybrid_letters(family: str) -> str:
 
 def _one_of(two: Sequence[str], family: str, column: int) -> str:
     """One of two for a hybrid; each as often as the other in a block of seeds."""
-    block, place = divmod(_seed(family), BLOCK)
-    return str(np.random.default_rng([_SALT, block, column]).permutation(np.repeat(list(two), BLOCK // 2))[place])
+    block, place = divmod(_seed(family), _BLOCK)
+    return str(np.random.default_rng([_SALT, block, column]).permutation(np.repeat(list(two), _BLOCK // 2))[place])
 
 
 def _seed(family: str) -> int:
@@ -127,12 +127,12 @@ def _built(parts: Parts, drawn: dict[str, Any], shares: Mapping[str, Any], rng: 
     for name, (base, low, high) in shares.items():
         drawn[name] = drawn[base] * float(rng.uniform(low, high))
     drawn |= parts.driving.tuned(drawn, *parts.valves.lead(drawn), parts.tube.delay)
-    kind = kind_of(parts.letters)
+    kind = truck_type(parts.letters)
     names = {item.name for item in fields(kind)}
     return kind(**{name: value for name, value in drawn.items() if name in names})
 
 
 @cache
-def ranges(path: Path = RANGES) -> dict[str, Any]:
+def family_ranges(path: Path = RANGES) -> dict[str, Any]:
     """Content of a file with ranges."""
     return tomllib.loads(path.read_text(encoding="utf-8"))

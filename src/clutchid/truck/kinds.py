@@ -12,7 +12,7 @@ from clutchid.truck.vehicle import Vehicle
 
 
 @cache
-def kind_of(letters: str) -> type[Vehicle]:
+def truck_type(letters: str) -> type[Vehicle]:
     """Type of the trucks with the parts of these families, in the order of the slots of `clutchid.truck.parts.Parts`.
 
     Examples
@@ -36,8 +36,8 @@ def _taken_apart(truck: Vehicle) -> tuple[Any, ...]:
 
 def remade(letters: str, values: Mapping[str, Any]) -> Vehicle:
     """A truck from its parts and parameters, as it is unpickled."""
-    return kind_of(letters)(**values)
+    return truck_type(letters)(**values)
 
 
 #: A truck of family A, by default close to the paper's plant, and one of family B.
-Truck, TruckB = (kind_of(PARTS[family].letters) for family in "AB")
+Truck, TruckB = (truck_type(PARTS[family].letters) for family in "AB")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from clutchid.codegen.kernels import kernel
-from clutchid.truck.settings import PARTS, SAMPLE
+from clutchid.truck.settings import SAMPLE, TICK_PARTS
 
 #: Velocity in m/s below which the controller may close both valves.
 _SLOW = 0.02
@@ -56,7 +56,7 @@ def quantised(value: float, quantum: float) -> float:
 
 
 @kernel
-def lagged(out: float, before: float, now: float, tau: float, tick: float) -> float:
+def lag_output(out: float, before: float, now: float, tau: float, tick: float) -> float:
     """First-order lag over one tick with a linear input from `before` to `now`; exact."""
     if tau <= 0.0:
         return now
@@ -115,8 +115,8 @@ def spool(
     """
     if not second_order:
         return u + (x - u) * math.exp(-tick / tau), 0.0
-    step = tick / PARTS
-    for _ in range(PARTS):
+    step = tick / TICK_PARTS
+    for _ in range(TICK_PARTS):
         speed += step * omega * (omega * (u - x) - 2.0 * zeta * speed)
         x += step * speed
         if x > 1.0 or x < -1.0:
@@ -142,9 +142,9 @@ def solenoid(
     in which the largest force without spring would open the valve; the stops take all speed.
     """
     target = 1.0 if energised else 0.0
-    decay = math.exp(-tick / (PARTS * tau))
-    step = tick / PARTS
-    for _ in range(PARTS):
+    decay = math.exp(-tick / (TICK_PARTS * tau))
+    step = tick / TICK_PARTS
+    for _ in range(TICK_PARTS):
         current = target + (current - target) * decay
         speed += step * 2.0 / (travel * travel) * (current * current - spring * (1.0 + 0.5 * lift))
         lift += step * speed
@@ -161,7 +161,7 @@ def poppet(lift: float) -> float:
 
 
 @kernel
-def scaled(y: float, rest: float, stroke: float, share: float) -> float:
+def sensor_position(y: float, rest: float, stroke: float, share: float) -> float:
     """Position in m that a sensor shows at y: its gain varies by +-`share` over the stroke, so its error is a wave."""
     turn = 2.0 * math.pi / stroke
     return y + share / turn * math.sin(turn * (y - rest))

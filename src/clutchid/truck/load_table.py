@@ -11,7 +11,7 @@ from clutchid.log import FloatArray, read_only
 from clutchid.truck.vehicle import Vehicle
 
 #: Distance of the breakpoints of the table, and its extent beyond the far stop, in m.
-PITCH, BEYOND = 0.1e-3, 2e-3
+PITCH, _BEYOND = 0.1e-3, 2e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class LoadTable:
 
 def travels(truck: Vehicle, rest: float) -> FloatArray:
     """Travel from the engaged rest in m, from 0 to beyond the far stop, at which a table has its breakpoints."""
-    return np.arange(0.0, truck.y_max - rest + BEYOND, PITCH)
+    return np.arange(0.0, truck.y_max - rest + _BEYOND, PITCH)
 
 
 def with_return_spring(truck: Vehicle, rest: float, force: FloatArray, touch: float, preload: float) -> LoadTable:

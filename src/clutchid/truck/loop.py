@@ -12,14 +12,14 @@ from clutchid.log import FloatArray
 from clutchid.truck.law import (
     duty,
     governor,
-    lagged,
+    lag_output,
     lift_rate,
     magnet,
     poppet,
     port,
     quantised,
     request,
-    scaled,
+    sensor_position,
     snapped,
     solenoid,
     spool,
@@ -32,7 +32,7 @@ Pair: TypeAlias = tuple[float, float]
 @kernel
 def shown_position(y: float, s: Settings) -> float:
     """Position in m that the sensor shows before its lag."""
-    return scaled(y, s.rest, s.y_max, s.e_lin) if s.e_lin != 0.0 else y
+    return sensor_position(y, s.rest, s.y_max, s.e_lin) if s.e_lin != 0.0 else y
 
 
 @kernel
@@ -76,7 +76,7 @@ def move_solenoids(valves: FloatArray, on_s: bool, on_e: bool, lift_s: float, li
 
 
 @kernel
-def store(x: FloatArray, states: FloatArray, k: int) -> bool:
+def store_states(x: FloatArray, states: FloatArray, k: int) -> bool:
     """Write the states at sample k; whether they are finite."""
     total = 0.0
     for i in range(x.size):
@@ -104,7 +104,7 @@ def drive(
         Whether the state of the air is its energy, place of the supply valve's lift in the states (that of the exhaust
         valve is next), and place of the governor's pressure, -1 without a governor.
     wanted, forced, noise, stuck, states, measured, lag_p, duties
-        As `clutchid.truck.running.Course` and `clutchid.truck.running.Run` have them.
+        As `clutchid.truck.running.Course` and `clutchid.truck.running.TruckRun` have them.
     substeps : int
         Integration steps per tick.
     """
@@ -119,7 +119,7 @@ def drive(
     holding = False
     sensed_y, sensed_p = shown_position(x[0], s), chamber_pressure(x, energy, s)
     for k in range(wanted.size):
-        if not store(x, states, k):
+        if not store_states(x, states, k):
             return k
         if not stuck[0] <= k < stuck[1]:
             reading = quantised(sensed_y - s.zero + noise[k], s.q_y)
@@ -151,8 +151,8 @@ def drive(
             before = shown_position(x[0], s)
             move(x, u, p, h, substeps, breakpoints, load, work)
             x[x_s], x[x_e] = snapped(x[x_s]), snapped(x[x_e])
-            sensed_y = lagged(sensed_y, before, shown_position(x[0], s), s.tau_y, TICK)
+            sensed_y = lag_output(sensed_y, before, shown_position(x[0], s), s.tau_y, TICK)
             pressure = chamber_pressure(x, energy, s)
-            sensed_p = lagged(sensed_p, pressure, pressure, s.tau_p, TICK)
+            sensed_p = lag_output(sensed_p, pressure, pressure, s.tau_p, TICK)
             phase = (phase + 1) % period
     return -1

@@ -9,7 +9,7 @@ from clutchid.truck.vehicle import Vehicle
 
 #: Standard deviations of offset and noise of the sensors of ambient temperature in K and supply pressure in Pa, and
 #: what a bus message resolves. Guessed from data sheets; the offset is drawn for every recording.
-AMBIENT, SUPPLY = (1.5, 0.05, 0.1), (3e3, 1e3, 5e2)
+_AMBIENT, _SUPPLY = (1.5, 0.05, 0.1), (3e3, 1e3, 5e2)
 
 #: Period of a message on the bus in s.
 BUS = 0.01
@@ -19,7 +19,7 @@ def measured_conditions(truck: Vehicle, supply: FloatArray, rng: np.random.Gener
     """Measured ambient temperature in K, and supply pressure in Pa from the true supply pressure."""
     true = {"temperature_ambient": np.full(supply.size, truck.T_0), "pressure_supply": supply}
     columns = {}
-    for (name, values), (offset, noise, step) in zip(true.items(), (AMBIENT, SUPPLY), strict=True):
+    for (name, values), (offset, noise, step) in zip(true.items(), (_AMBIENT, _SUPPLY), strict=True):
         noisy = values + offset * rng.standard_normal() + noise * rng.standard_normal(supply.size)
         columns[name] = step * np.round(noisy / step)
     return columns

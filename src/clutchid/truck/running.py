@@ -34,7 +34,7 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
+class TruckRun:
     """Outputs of a run at every millisecond.
 
     States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its
@@ -61,10 +61,10 @@ class Run:
         return dict(zip(self.names, self.states.T, strict=True))
 
 
-def run(
+def run_truck(
     truck: Vehicle, course: Course, *, curve: LoadTable | None = None, start: FloatArray | None = None,
     working: bool = True, substeps: int = 1, ledger: bool = False,
-) -> Run:  # fmt: skip
+) -> TruckRun:  # fmt: skip
     """Simulate `truck` with the inputs `course`, from the engaged rest or from `start`.
 
     Parameters
@@ -106,7 +106,9 @@ def run(
     if failed >= 0:
         when = f"{failed * SAMPLE:.3f} s"
         raise SolveError(f"the simulation of the truck is not finite from {when} on; its parameters are too extreme.")
-    return Run(states, measured, pressure, duties, zero, course.shift, (*structure.states, *(LEDGER if ledger else ())))
+    return TruckRun(
+        states, measured, pressure, duties, zero, course.shift, (*structure.states, *(LEDGER if ledger else ()))
+    )
 
 
 def _place(names: Sequence[str], name: str) -> int:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from clutchid.errors import ParameterError
-from clutchid.truck.families import label, truck
+from clutchid.truck.families import family_label, truck
 from clutchid.truck.vehicle import Vehicle
 
 #: First day of the fleet.
@@ -19,7 +19,7 @@ _BEGIN = datetime(2024, 1, 8, 6, tzinfo=UTC)
 _MONTH = 365.25 / 12
 
 #: Most vehicles, and months, of a fleet.
-MOST = 100_000, 240
+_MOST = 100_000, 240
 
 #: Strokes in a week, km in a week, and wear in m of a stroke: median, and standard deviation of the logarithm between
 #: vehicles. An assumption: a facing of 3.5 mm lasts about a million strokes, three years of distribution traffic.
@@ -29,7 +29,7 @@ _STROKES_A_WEEK, _KM_A_WEEK, _WEAR_A_STROKE = (7000.0, 0.25), (2500.0, 0.3), (1 
 _SCATTER = 0.2
 
 #: Mean of the air temperature over a year in K, its yearly amplitude, and the scatter of a day; an assumption.
-_CLIMATE, _SEASON, DAY = (283.0, 5.0), (12.0, 3.0), 4.0
+_CLIMATE, _SEASON, _DAY = (283.0, 5.0), (12.0, 3.0), 4.0
 
 #: Supply pressure as a share of the set one: standard deviation of the drift in a year; an assumption.
 _SUPPLY_DRIFT = 0.01
@@ -104,7 +104,7 @@ def visits(
     ParameterError
         If a number is out of its range.
     """
-    most, longest = MOST
+    most, longest = _MOST
     for what, value, low, high in (
         ("vehicles", vehicles, 1, most), ("months", months, 0.1, longest), ("types", types, 1, most),
         ("days between recordings", days, 0.1, 365.0), ("seed", seed, 0, 2**63),
@@ -126,7 +126,7 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
     mean, season = (middle + spread * random.standard_normal() for middle, spread in (_CLIMATE, _SEASON))
     day = float(random.uniform(0.0, days))
     now = Visit(
-        "", f"{label(family)}{v:05d}", family, number, _BEGIN, _BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
+        "", f"{family_label(family)}{v:05d}", family, number, _BEGIN, _BEGIN, 0.0, 0.0, 0.0, 0.0, mean, 1.0, 0.0, 1.0, 0
     )  # fmt: skip
     passed, wrong, count = day, 0, 0
     while day < length:
@@ -142,7 +142,7 @@ def _service(v: int, family: str, number: int, limit: float, length: float, days
         clock = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(hours=10.0 * (_WRONG - wrong)) if wrong else begin
         now = replace(
             now, recording=f"{now.vehicle}_{count:04d}", begin=begin, clock=clock,
-            temperature=float(np.clip(mean + season * yearly + DAY * random.standard_normal(), 238.0, 318.0)),
+            temperature=float(np.clip(mean + season * yearly + _DAY * random.standard_normal(), 238.0, 318.0)),
             seed=int(random.integers(2**31)), fault="clock" if wrong and not fault else fault,
         )  # fmt: skip
         yield now

@@ -7,7 +7,7 @@ from typing import NamedTuple
 #: Time step of valves and integration, and sampling time of sensor, controller and recording, in s.
 TICK, SAMPLE = 1e-4, 1e-3
 #: Ticks per sample, and steps of spool and armature in a tick.
-TICKS, PARTS = 10, 4
+TICKS, TICK_PARTS = 10, 4
 
 #: Drives of the valves: magnets with dead times and ramps, a spool, or solenoids with current and armature.
 MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 #: States of supplies and frictions; those of the air are two a zone, and all trucks have y, v, x_s and x_e.
-STATES = {
+_STATES = {
     "reservoir": ("m_S", "U_S", "p_G"), "regulator": ("p_S", "x_R"), "bristles": ("z", "z_h"),
     "slip": ("z_1", "z_2", "z_3", "z_4", "z_b", "z_f"),
 }  # fmt: skip
@@ -37,7 +37,7 @@ class Structure(NamedTuple):
         """Names of the states of the plant."""
         second = "U" if self.gas == "energy" else "p"
         air = [f"{name}_{zone}" for zone in ("ADB" if self.tube else "AB") for name in ("m", second)]
-        return ("y", "v", *air, *STATES[self.supply], *STATES[self.friction], "x_s", "x_e")
+        return ("y", "v", *air, *_STATES[self.supply], *_STATES[self.friction], "x_s", "x_e")
 
     @property
     def inputs(self) -> tuple[str, ...]:

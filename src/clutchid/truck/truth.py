@@ -14,7 +14,7 @@ from clutchid.files import write_text
 from clutchid.log import COLUMNS, FloatArray, Log
 from clutchid.truck.assembly import true_states
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.running import Run
+from clutchid.truck.running import TruckRun
 from clutchid.truck.vehicle import Vehicle
 
 #: Travel in m from the vented rest at which a truth file gives the load.
@@ -73,7 +73,7 @@ class Truth:
         return Log(self.time, columns, "truth")
 
 
-def truth_of(truck: Vehicle, curve: LoadTable, run: Run) -> Truth:
+def truth_of(truck: Vehicle, curve: LoadTable, run: TruckRun) -> Truth:
     """The truth of a run."""
     x = run.columns
     states = {"position": x["y"] - run.zero, "velocity": x["v"], **true_states(truck, x)}

@@ -16,7 +16,7 @@ from clutchid.verbs.options import (
     ReadingText,
     RequestText,
     model_of,
-    pressure,
+    pressure_option,
     requested,
     words_of,
 )
@@ -24,7 +24,7 @@ from clutchid.verbs.options import (
 if TYPE_CHECKING:
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
-    from clutchid.verbs.reading import Source
+    from clutchid.verbs.reading import RecordingSource
 
 #: Options of a request that the verbs of Python take by name.
 _EVERYDAY = ("free", "measure", "bounds", "method", "zero")
@@ -76,7 +76,11 @@ class FitCommand:
         return self.run_on(self.logs, self.verify, self.start, progress)
 
     def run_on(
-        self, logs: Sequence[Source], verify: Sequence[Source], start: Path | None, progress: Progress | None = None
+        self,
+        logs: Sequence[RecordingSource],
+        verify: Sequence[RecordingSource],
+        start: Path | None,
+        progress: Progress | None = None,
     ) -> Fit:
         """`run` with other paths of the recordings and of the parameter file, as on the server of a page."""
         from clutchid.verbs.fitting import fitted
@@ -118,7 +122,7 @@ class FitCommand:
         everyday = {name: stated.pop(name, None) for name in _EVERYDAY} | {
             "verify": [str(path) for path in self.verify] or None,
             "force": self.force or None,
-            "ambient": pressure(self.files.ambient),
+            "ambient": pressure_option(self.files.ambient),
             "channels": None if self.files.map is None else str(self.files.map),
             "dbc": [str(path) for path in self.files.dbc or ()] or None,
         }

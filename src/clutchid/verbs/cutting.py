@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.verbs.options import ReadingText, pressure
+from clutchid.verbs.options import ReadingText, pressure_option
 from clutchid.verbs.reading import LogOrPath
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ def cut(
     (True, '23 mm')
     """
     from clutchid.measurements import read_pieces
+    from clutchid.strokes import choose, joined, sections_of
 
     if isinstance(recording, Log):
         name, pieces = recording.name, iter([recording])
@@ -119,18 +120,7 @@ def cut_file(
         If the recording cannot be read, or the table cannot be written.
     """
     from clutchid.files import atomic_write
-
-    pieces = _pieces(path, files, warn, show)
-    if table is None:
-        return _chosen(pieces, seconds, lambda _: None)
-    with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        return _chosen(pieces, seconds, csv.writer(file).writerow)
-
-
-def _chosen(pieces: Iterable[Log], seconds: float, write_row: Callable[[Iterable[object]], object]) -> CutRecording:
-    """The strokes and rests of a recording in pieces, each written as a row."""
-    from clutchid.strokes import choose, joined, sections_table
-    from clutchid.strokes import cut as sections_of
+    from clutchid.strokes import choose, joined, sections_of, sections_table
 
     counts: Counter[str] = Counter()
     divisions: dict[bool, list[float]] = {}
@@ -162,7 +152,7 @@ def _pieces(
         show(f"{count:,} samples", count / max(size, 1))
 
     reported: set[str] = set()
-    ambient, dbc = pressure(files.ambient), files.dbc or ()
+    ambient, dbc = pressure_option(files.ambient), files.dbc or ()
     for piece in read_pieces(path, ambient=ambient, channels=files.map, dbc=dbc, progress=shown):
         warn([warning for warning in piece.warnings if warning not in reported])
         reported.update(piece.warnings)

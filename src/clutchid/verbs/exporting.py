@@ -12,7 +12,7 @@ from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.estimation.result import Fit
 from clutchid.exports.exporting import Export
 from clutchid.verbs.reading import LogOrPath, reading_of
-from clutchid.verbs.start import Start, content_of
+from clutchid.verbs.start import CalibrationSource, content_of
 
 if TYPE_CHECKING:
     from clutchid.exports.c99 import Rates, Real
@@ -23,7 +23,7 @@ __all__ = ["Export", "export"]
 
 @checked
 def export(
-    calibration: Start,
+    calibration: CalibrationSource,
     out: str | PathLike[str],
     *,
     to: str | Sequence[Target] = ("c",),

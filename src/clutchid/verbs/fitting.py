@@ -15,11 +15,11 @@ from clutchid.estimation.result import Fit
 from clutchid.inference.filter.filtering import compile_filter_beside
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.progress import Progress
-from clutchid.numerics.progress import report as reported
+from clutchid.numerics.progress import report_stage as reported
 from clutchid.strokes.vented_rest import Zero
 from clutchid.verbs.options import requested
 from clutchid.verbs.reading import LogOrPath, Reading, inspected, reading_of
-from clutchid.verbs.start import Start, content_of
+from clutchid.verbs.start import CalibrationSource, content_of
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -178,7 +178,7 @@ def calibrate(
 @checked
 def estimate(
     logs: LogOrPath | Sequence[LogOrPath],
-    start: Start,
+    start: CalibrationSource,
     request: FitRequest | None = None,
     *,
     free: str | Sequence[str] | None = None,

@@ -16,7 +16,7 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measurements.live.bus_name import bus_name
 from clutchid.names import printable
-from clutchid.verbs.options import ReadingText, pressure
+from clutchid.verbs.options import ReadingText, pressure_option
 
 # imported on use: every command starts with this file
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
 
     log, files = reading.log, reading.files
     channels = None if files.map is None else read_map(files.map)
-    ambient = pressure(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
+    ambient = pressure_option(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
     origin = None if reading.resume is None or reading.grows else saved_origin(reading.resume)
@@ -121,7 +121,7 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
         yield replace(block, log=equipment.driven(block.log))
 
 
-def begun(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
+def first_observer(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
     """The observer of a recording whose first block has come; for a growing file, after the samples of the saved state.
 
     Raises

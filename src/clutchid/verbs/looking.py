@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.measurements.overview import FileOverview
 
-__all__ = ["NEEDED", "QUANTITIES", "Looked", "checked", "is_map", "looked", "read_map", "save_proposed"]
+__all__ = ["NEEDED", "QUANTITIES", "Looked", "checked_recording", "is_map", "looked", "read_map", "save_proposed"]
 
 #: Columns that the checks of a recording need.
 NEEDED = ("time", "position")
@@ -48,7 +48,7 @@ def looked(
     def read(channels: ChannelMap | None) -> Log:
         return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=NEEDED))
 
-    return checked(contents, channel_map, content, read)
+    return checked_recording(contents, channel_map, content, read)
 
 
 def is_map(path: Path) -> bool:
@@ -73,7 +73,7 @@ def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
     return proposed
 
 
-def checked(
+def checked_recording(
     contents: FileOverview,
     channel_map: ChannelMap | None,
     content: ParameterFile | None,

@@ -16,7 +16,7 @@ from clutchid.verbs.commands import FitCommand, argument
 from clutchid.verbs.options import words_of
 
 
-def fit_document(fit: Fit, asked: FitCommand) -> Document:
+def document_with_next_step(fit: Fit, asked: FitCommand) -> Document:
     """Document of a fit as it was asked for, with the command that repeats it and the next step."""
     document = document_of(fit, _line(*asked.words))
     return document if fit.status == "failed" else replace(document, next=next_step(fit, asked))

@@ -13,7 +13,7 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.strokes.vented_rest import Zero
 from clutchid.verbs.reading import LogOrPath, Reading, reading_of
-from clutchid.verbs.start import Start, calibration_file, content_of
+from clutchid.verbs.start import CalibrationSource, calibration_file, content_of
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ ANYWAY = " Or go on with --force (in Python force=True)."
 @checked
 def observe(
     log: LogOrPath,
-    start: Start,
+    start: CalibrationSource,
     *,
     method: str = "joint",
     resume: str | PathLike[str] | None = None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from clutchid.inference.uncertainty.coordinates import Prior
     from clutchid.model.compiled import Model
     from clutchid.simulation.partition import Partition
-    from clutchid.verbs.reading import Reading, Source
+    from clutchid.verbs.reading import Reading, RecordingSource
 
 
 #: Measured columns and free parameters where a request names none, by verb.
@@ -154,8 +154,8 @@ class ReadingText:
 
     def reading(
         self,
-        logs: Iterable[Source],
-        verify: Iterable[Source] = (),
+        logs: Iterable[RecordingSource],
+        verify: Iterable[RecordingSource] = (),
         *,
         force: bool = False,
         zero: Literal["subtract", "keep"] = "subtract",
@@ -169,7 +169,7 @@ class ReadingText:
         """
         from clutchid.verbs.reading import Reading
 
-        ambient, dbc = pressure(self.ambient), tuple(self.dbc or ())
+        ambient, dbc = pressure_option(self.ambient), tuple(self.dbc or ())
         return Reading(tuple(logs), tuple(verify), ambient, self.map, dbc, force, zero)
 
 
@@ -219,7 +219,7 @@ def partition_of(
     return Partition(every=every, parts=parts, carry=carry or "p", take=take or "all")
 
 
-def pressure(text: str | None) -> float | None:
+def pressure_option(text: str | None) -> float | None:
     """A pressure option in Pa: a number in Pa, or with a unit; None where it is not given."""
     if text is None:
         return None

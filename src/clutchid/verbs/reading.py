@@ -26,7 +26,7 @@ __all__ = [
     "LogOrPath",
     "Reading",
     "RecordingFile",
-    "Source",
+    "RecordingSource",
     "by_suffix",
     "inspected",
     "reading_of",
@@ -49,7 +49,7 @@ class RecordingFile(NamedTuple):
 LogOrPath = Log | str | PathLike[str]
 
 #: The same, or a file with a channel map of its own.
-Source = LogOrPath | RecordingFile
+RecordingSource = LogOrPath | RecordingFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +78,8 @@ class Reading:
         If an option of reading has no effect, because no file is read.
     """
 
-    logs: tuple[Source, ...]
-    verify: tuple[Source, ...] = ()
+    logs: tuple[RecordingSource, ...]
+    verify: tuple[RecordingSource, ...] = ()
     ambient: float | None = None
     channels: ChannelMap | str | PathLike[str] | None = None
     dbc: tuple[str | PathLike[str], ...] = ()
@@ -130,7 +130,7 @@ class Reading:
 
         tables: list[NoFramesError] = []
 
-        def read_one(item: tuple[Source, Sequence[str]]) -> Log:
+        def read_one(item: tuple[RecordingSource, Sequence[str]]) -> Log:
             source, compared = item
             if isinstance(source, Log):
                 log = source
@@ -172,8 +172,8 @@ class Reading:
 
 
 def reading_of(
-    logs: Source | Iterable[Source],
-    verify: Source | Iterable[Source] = (),
+    logs: RecordingSource | Iterable[RecordingSource],
+    verify: RecordingSource | Iterable[RecordingSource] = (),
     *,
     ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
@@ -185,7 +185,7 @@ def reading_of(
     return Reading(_several(logs), _several(verify), ambient, channels, tuple(dbc), force, zero)
 
 
-def _several(logs: Source | Iterable[Source]) -> tuple[Source, ...]:
+def _several(logs: RecordingSource | Iterable[RecordingSource]) -> tuple[RecordingSource, ...]:
     alone = isinstance(logs, Log | str | PathLike | RecordingFile)
     return (logs,) if alone else tuple(logs)  # type: ignore[arg-type, return-value]  # mypy does not narrow a property
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def check_save(path: Path) -> None:
-    """Check, before a long computation, that `save` can write a file with this name.
+    """Check, before a long computation, that `save_fit` can write a file with this name.
 
     Raises
     ------
@@ -66,12 +66,12 @@ def parameter_file(fit: Fit) -> ParameterFile:
     (True, ['theta_1', 'theta_2', 'theta_3'])
     """
     from clutchid.estimation.assess.verdict import verdict
-    from clutchid.estimation.parameter_file import parameter_file as with_trust
+    from clutchid.estimation.parameter_file import contents_of_fit as with_trust
 
     return with_trust(fit, verdict(fit).trust)
 
 
-def save(fit: Fit, path: Path, name: str = "") -> None:
+def save_fit(fit: Fit, path: Path, name: str = "") -> None:
     """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
 
     Parameters

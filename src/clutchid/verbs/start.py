@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from clutchid.model.compiled import Model
 
 #: A calibration: a result, the contents of its file, or the path of that.
-Start = Fit | ParameterFile | str | PathLike[str]
+CalibrationSource = Fit | ParameterFile | str | PathLike[str]
 
 
-def content_of(start: Start) -> ParameterFile:
+def content_of(start: CalibrationSource) -> ParameterFile:
     """Parameters and calibration to start from.
 
     Raises

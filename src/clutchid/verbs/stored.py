@@ -26,7 +26,7 @@ from clutchid.measurements.map.channel_map import read_map
 from clutchid.measurements.opening import open_source
 from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import BIN, StoredColumn, column_of, extremes_of, store, stored, write_column
-from clutchid.verbs.looking import NEEDED, Looked, checked
+from clutchid.verbs.looking import NEEDED, Looked, checked_recording
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from clutchid.strokes import Section
 
 #: Index under which the time in s of a time grid is stored: it never decreases.
-CLOCK = 1_000_000
+TIME_INDEX = 1_000_000
 
 #: Most points across a plot.
 _MOST_WIDTH = 4000
@@ -84,7 +84,7 @@ class StoredRecording:
         def read(channels: ChannelMap | None) -> Log:
             return next(source_pieces(self.source, channels, self.ambient, NEEDED))
 
-        return checked(contents, self.channels, None, read)
+        return checked_recording(contents, self.channels, None, read)
 
     def cut(self, begins: Iterable[float], out: Path) -> None:
         """Write the strokes that begin at these times in s as a recording.
@@ -95,11 +95,11 @@ class StoredRecording:
             If there is none.
         """
         from clutchid.measurements import write
-        from clutchid.strokes import cut, joined
+        from clutchid.strokes import joined, sections_of
 
         chosen = {round(float(begin), 6) for begin in begins}
         pieces = source_pieces(self.source, self.channels, self.ambient)
-        sections = [section for section in cut(pieces) if round(section.start, 6) in chosen]
+        sections = [section for section in sections_of(pieces) if round(section.start, 6) in chosen]
         if not sections:
             raise DataError(f"{self.source.path.name}: no stroke is chosen.")
         with warnings.catch_warnings():
@@ -129,17 +129,17 @@ def stored_recording(folder: Path, channels: Path | None, ambient: float | None)
 
 def sections(log: Log | None, most: int) -> list[Section]:
     """The first strokes and rests of a recording; none where it lacks position or duty cycles."""
-    from clutchid.strokes import cut
+    from clutchid.strokes import sections_of
 
     if log is None or not {"position", *INPUTS} <= {*log.columns}:
         return []
-    return list(islice(cut(log), most))
+    return list(islice(sections_of(log), most))
 
 
 def write_columns(folder: Path, grid: int, time: FloatArray, columns: Iterable[FloatArray]) -> None:
     """Store the columns of a plot over one time."""
     folder.mkdir(parents=True, exist_ok=True)
-    for number, values in ((CLOCK, clock_column(time)), *enumerate(columns)):
+    for number, values in ((TIME_INDEX, clock_column(time)), *enumerate(columns)):
         write_column(folder, grid, number, values)
 
 
@@ -163,7 +163,7 @@ def _write_clocks(source: Source, channels: ChannelMap | None, folder: Path) -> 
             else:
                 parts.append(in_si(clock, table.numbers[clock.index], AMBIENT))
             count += table.size
-        write_column(folder, index, CLOCK, clock_column(np.concatenate(parts) if parts else np.empty(0)))
+        write_column(folder, index, TIME_INDEX, clock_column(np.concatenate(parts) if parts else np.empty(0)))
 
 
 def clock_column(stamps: FloatArray) -> FloatArray:
@@ -180,7 +180,7 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     Parameters
     ----------
     folder
-        Of stored columns, see `clutchid.measurements.stored`, with the time of the grid as the column `CLOCK`.
+        Of stored columns, see `clutchid.measurements.stored`, with the time of the grid as the column `TIME_INDEX`.
     grid, columns
         Number of the time grid, and of columns in it.
     begin, end : s
@@ -193,7 +193,7 @@ def plotted(folder: Path, grid: int, columns: Sequence[int], begin: float, end: 
     points
         Values as written; NaN where there are none.
     """
-    clock = column_of(folder, grid, CLOCK)
+    clock = column_of(folder, grid, TIME_INDEX)
     size = clock.size
     first = max(_index(clock, size, begin) - 1, 0)
     last = min(_index(clock, size, end, after=True) + 1, size)

@@ -19,21 +19,21 @@ from clutchid.log import FloatArray
 from clutchid.measurements import write
 from clutchid.processes import LostWork, check_workers, results
 from clutchid.truck import aged, drive, load_curve, truck
-from clutchid.truck.families import label
+from clutchid.truck.families import family_label
 from clutchid.truck.service import Visit
 from clutchid.truck.vehicle import Vehicle
 
 #: Positions in m at which a true load is looked at, and steps of wear in the table of a type.
-POSITIONS, STEPS = np.linspace(0.0, 0.02, 4001), 36
+LOAD_POSITIONS, STEPS = np.linspace(0.0, 0.02, 4001), 36
 
 #: Length in s, and seed, of the recording with pressure from which a type is calibrated.
-CALIBRATION, _CALIBRATION_SEED = 30.0, 1
+_CALIBRATION, _CALIBRATION_SEED = 30.0, 1
 
 #: Strokes for a metre of wear, as the ages in a type's table have done.
 STROKES_A_METRE = 3e8
 
 #: Names of the files of a fleet, and of their folders.
-_TABLE, TRUTH, _RECORDINGS, _CALIBRATIONS = "recordings.csv", "truth.csv", "recordings", "calibrations"
+_TABLE, _TRUTH, _RECORDINGS, _CALIBRATIONS = "recordings.csv", "truth.csv", "recordings", "calibrations"
 
 CsvRow = Mapping[str, Any]
 
@@ -83,14 +83,14 @@ def write_fleet(
         rows[finished.item.recording] = finished.result
         if progress:
             progress(len(rows), len(visits))
-    _write_csv(out / TRUTH, [rows[visit.recording] for visit in visits])
+    _write_csv(out / _TRUTH, [rows[visit.recording] for visit in visits])
     _write_csv(out / _TABLE, [row for visit in visits for row in _listed(visit)])
     return len(visits)
 
 
 def type_name(family: str, number: int) -> str:
     """Name of a truck type, as in the table and in the names of its calibration's files."""
-    return f"{label(family)}{number:04d}"
+    return f"{family_label(family)}{number:04d}"
 
 
 def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
@@ -104,12 +104,12 @@ def _new_folders(out: Path, visits: Iterable[Visit]) -> None:
 def _write_calibration(folder: Path, family: str, number: int) -> None:
     """A recording with pressure of a new truck, and how its load changes with wear, as on a test rig."""
     new, name = truck(number, family), type_name(family, number)
-    driven = drive(new, seconds=CALIBRATION, seed=_CALIBRATION_SEED, conditions=True, name=name)
+    driven = drive(new, seconds=_CALIBRATION, seed=_CALIBRATION_SEED, conditions=True, name=name)
     write(replace(driven.log, metadata={}), folder / f"{name}.parquet")
     wear = np.linspace(0.0, new.w_max, STEPS)
     loads = [load_at_positions(aged(new, w, w * STROKES_A_METRE)) for w in wear]
     rows = [
-        {"wear [mm]": w * 1e3, "half_load [mm]": half_load(POSITIONS, load) * 1e3, "load [N]": engaging(load)}
+        {"wear [mm]": w * 1e3, "half_load [mm]": half_load(LOAD_POSITIONS, load) * 1e3, "load [N]": engaging(load)}
         for w, load in zip(wear, loads, strict=True)
     ]
     _write_csv(folder / f"{name}.wear.csv", rows)
@@ -118,13 +118,13 @@ def _write_calibration(folder: Path, family: str, number: int) -> None:
 def engaging(load: FloatArray) -> float:
     """Mean load in N where the clutch engages."""
     first, last = ENGAGING
-    return float(np.mean(load[(first <= POSITIONS) & (last >= POSITIONS)]))
+    return float(np.mean(load[(first <= LOAD_POSITIONS) & (last >= LOAD_POSITIONS)]))
 
 
 def load_at_positions(vehicle: Vehicle) -> FloatArray:
-    """Load in N of a truck at `POSITIONS`, relative to its engaged rest."""
+    """Load in N of a truck at `LOAD_POSITIONS`, relative to its engaged rest."""
     curve = load_curve(vehicle)
-    return curve.force(POSITIONS + curve.rest)
+    return curve.force(LOAD_POSITIONS + curve.rest)
 
 
 def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
@@ -146,9 +146,9 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
 def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
     """True values of a recording; `limit [mm]` is the shift of the half-load position at the end of the facing."""
     new = truck(visit.number, visit.family)
-    at_rest, load = half_load(POSITIONS, load_at_positions(new)), load_at_positions(vehicle)
+    at_rest, load = half_load(LOAD_POSITIONS, load_at_positions(new)), load_at_positions(vehicle)
     end = aged(new, new.w_max, new.w_max * STROKES_A_METRE)
-    half = half_load(POSITIONS, load)
+    half = half_load(LOAD_POSITIONS, load)
     return {
         "recording": visit.recording,
         "vehicle": visit.vehicle,
@@ -158,7 +158,7 @@ def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
         "wear [mm]": visit.wear * 1e3,
         "half_load [mm]": half * 1e3,
         "shift [mm]": (half - at_rest) * 1e3,
-        "limit [mm]": (half_load(POSITIONS, load_at_positions(end)) - at_rest) * 1e3,
+        "limit [mm]": (half_load(LOAD_POSITIONS, load_at_positions(end)) - at_rest) * 1e3,
         "peak [N]": float(load.max()),
         "load [N]": engaging(load),
         "load change [1]": engaging(load) / engaging(load_at_positions(new)) - 1.0,

@@ -17,8 +17,8 @@ from clutchid.wear.trend import (
     AGED,
     DEPARTED,
     FALL,
+    FALL_FACTOR,
     FALSE_ALARMS,
-    FASTER,
     LEAKING,
     LEAKS,
     Band,
@@ -107,7 +107,7 @@ def rest_moves(
 def _allowed_fall(ds: float, since: float, fallen: float, noise: float, life: float) -> float:
     """Largest fall in m that wear explains over `ds`: by a clutch without an adjuster, and by the pace so far."""
     most = FALL * ds / life
-    return min(most, FASTER * (max(fallen, 0.0) + noise) * ds / since) if since > 0.0 else most
+    return min(most, FALL_FACTOR * (max(fallen, 0.0) + noise) * ds / since) if since > 0.0 else most
 
 
 def _as_new(now: Measurement | None) -> bool:

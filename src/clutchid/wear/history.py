@@ -26,7 +26,7 @@ _CLOCKS = datetime(2000, 1, 1, tzinfo=UTC)
 _TOLERANCE = timedelta(days=1)
 
 #: Length of a date without a time of day.
-DAY = timedelta(days=1)
+_DAY = timedelta(days=1)
 
 #: Warning of a recording whose place in the order is not known.
 _NO_TIME = "no time in the file, the table or the name; put after the others."
@@ -123,7 +123,7 @@ def _dated(name: str, clock: str, row: Listed | None) -> Dated:
             f"the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file counts."
         )
     begin = of_file or of_table
-    if begin and of_name and not of_name - _TOLERANCE <= begin <= of_name + DAY + _TOLERANCE:
+    if begin and of_name and not of_name - _TOLERANCE <= begin <= of_name + _DAY + _TOLERANCE:
         where = "file" if of_file else "table"
         warnings.append(f"its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts.")
     begin = begin or of_name

@@ -23,14 +23,14 @@ from clutchid.wear.trend import (
     TrendModel,
     WearTable,
     growth_noise,
-    smoothed,
+    smoothed_states,
     traced,
     trend_model,
     verdicts,
 )
 
 #: An unknown interval.
-UNKNOWN = Interval(*[float("nan")] * 3)
+UNKNOWN_INTERVAL = Interval(*[float("nan")] * 3)
 
 #: Quantiles of a forecast: its 90 % interval and its median.
 _QUANTILES = (0.05, 0.5, 0.95)
@@ -92,7 +92,7 @@ def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
 
 
 #: Outcomes of the measurements that count in the trend.
-COUNTED = ("used", "jump")
+COUNTED_OUTCOMES = ("used", "jump")
 
 #: A rate is known where its standard deviation is below this share of that before any reading. A guess.
 _KNOWN = 0.5
@@ -183,7 +183,7 @@ class Wear:
         """Quantities at the last recording; NaN for wear whose band says no more than its table."""
         last = {name: band.last for name, band in self.then.items()}
         if "wear" in last and last["wear"].high - last["wear"].low > _ANYTHING * (self.end_of_table or np.inf):
-            last["wear"] = UNKNOWN
+            last["wear"] = UNKNOWN_INTERVAL
         return last
 
     @property
@@ -196,12 +196,12 @@ class Wear:
         rate = self.rate[name].last
         prior = GROWTH[name].rate / LIFE[self.axis]
         determined = any(self.counted) and self.sudden is None and rate.high - rate.low < 2 * QUANTILE * _KNOWN * prior
-        return rate if determined else UNKNOWN
+        return rate if determined else UNKNOWN_INTERVAL
 
     @property
     def counted(self) -> tuple[bool, ...]:
         """Whether each recording counts in the trend."""
-        return tuple(outcome in COUNTED for outcome in self.outcomes)
+        return tuple(outcome in COUNTED_OUTCOMES for outcome in self.outcomes)
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -236,7 +236,7 @@ def wear_of(
     model = trend_model(life, table)
     paths = traced(model, history.s, [reading.measurement for reading in ordered])
     filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
-    later = [smoothed(path.steps) for path in paths]
+    later = [smoothed_states(path.steps) for path in paths]
     shares = np.array([path.probability for path in paths])
     then = _bands(model, shares, filtered, table)
     name, end = _limit(table, limit)

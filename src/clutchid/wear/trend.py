@@ -87,11 +87,11 @@ _EXPECTED = 0.95
 
 #: Measurements after which a decision is final, and the least probability and the largest number of paths that are
 #: followed. Guesses on the generous side.
-_LAG, LEAST, _PATHS = 4, 1e-4, 16
+_LAG, _LEAST, _PATHS = 4, 1e-4, 16
 
 #: Fall of the vented rest in m over a life of a clutch without an adjuster, whose rest falls by 6.3 times the wear of a
 #: facing of 3.5 mm; and how many times faster than so far the rest may fall. Guesses on the generous side.
-FALL, FASTER = 22e-3, 5.0
+FALL, FALL_FACTOR = 22e-3, 5.0
 
 #: Recordings in a row that read a leak, with a probability above the second: by chance alone at most `FALSE_ALARMS`.
 LEAKS, LEAKING = 2, 1.0 - FALSE_ALARMS**0.5
@@ -103,11 +103,11 @@ AGED = 1e-11
 DEPARTED = 3
 
 
-Function = Callable[[FloatArray], FloatArray]
+_Function = Callable[[FloatArray], FloatArray]
 
 #: Outcomes of a recording in the trend; those that are a change of the clutch.
 Outcome = Literal["used", "left out", "replaced", "sudden", "missing"]
-CHANGES: tuple[Outcome, Outcome] = ("replaced", "sudden")
+CHANGE_OUTCOMES: tuple[Outcome, Outcome] = ("replaced", "sudden")
 
 #: The channels of a measurement, with the state that their constant error takes first.
 CHANNELS = ("shift", "load")
@@ -159,7 +159,7 @@ class TrendModel:
     """
 
     quantities: tuple[str, ...]
-    channels: tuple[tuple[int, Function], ...]
+    channels: tuple[tuple[int, _Function], ...]
     life: float
 
     @property
@@ -214,7 +214,7 @@ def _itself(u: FloatArray) -> FloatArray:
     return u
 
 
-def _interpolated(x: FloatArray, values: FloatArray) -> Function:
+def _interpolated(x: FloatArray, values: FloatArray) -> _Function:
     """Linear interpolation that goes on with its first and last slope."""
     slopes = (values[1] - values[0]) / (x[1] - x[0]), (values[-1] - values[-2]) / (x[-1] - x[-2])
 
@@ -258,12 +258,14 @@ class TrendOutcome(NamedTuple):
 def verdicts(paths: Sequence[Path]) -> list[TrendOutcome]:
     """Outcome of each recording: a change only where it is certain there, or split with a less probable neighbour."""
     measured = [k for k, step in enumerate(paths[0].steps) if step.outcome != "missing"]
-    change = [probability(paths, [k], CHANGES) for k in measured]
+    change = [probability(paths, [k], CHANGE_OUTCOMES) for k in measured]
     results = [TrendOutcome("missing", 1.0)] * len(paths[0].steps)
     for i, k in enumerate(measured):
         around = slice(max(i - 1, 0), i + 2)
         nearest = [k, *measured[around]]
-        shares = {kind: sum(path.probability for path in paths if _change(path, nearest) == kind) for kind in CHANGES}
+        shares = {
+            kind: sum(path.probability for path in paths if _change(path, nearest) == kind) for kind in CHANGE_OUTCOMES
+        }
         if sum(shares.values()) >= SURE and change[i] == max(change[around]):
             kind = max(shares, key=shares.__getitem__)
             sure = shares[kind] >= SURE
@@ -276,7 +278,7 @@ def verdicts(paths: Sequence[Path]) -> list[TrendOutcome]:
 
 def _change(path: Path, recordings: Sequence[int]) -> Outcome | None:
     """First change of a path among these recordings."""
-    return next((path.steps[k].outcome for k in recordings if path.steps[k].outcome in CHANGES), None)
+    return next((path.steps[k].outcome for k in recordings if path.steps[k].outcome in CHANGE_OUTCOMES), None)
 
 
 def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Collection[str]) -> float:
@@ -284,7 +286,7 @@ def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Co
     return sum(path.probability for path in paths if any(path.steps[k].outcome in outcomes for k in recordings))
 
 
-def smoothed(steps: Sequence[TrendStep]) -> list[tuple[FloatArray, FloatArray]]:
+def smoothed_states(steps: Sequence[TrendStep]) -> list[tuple[FloatArray, FloatArray]]:
     """Mean and covariance of every step given all recordings (Rauch, Tung and Striebel)."""
     moments = [(steps[-1].mean, steps[-1].covariance)]
     for now, then in zip(steps[-2::-1], steps[:0:-1], strict=True):
@@ -352,7 +354,7 @@ def _branches(model: TrendModel, track: _Track, where: tuple[float, float, float
         return [expected]
     priors: dict[Outcome, float] = {"left out": _OCCURRENCE.outlier}
     if since > 0.0:  # nothing changes before the first measurement
-        priors |= {name: -np.expm1(-getattr(_OCCURRENCE, name) * since / model.life) for name in CHANGES}
+        priors |= {name: -np.expm1(-getattr(_OCCURRENCE, name) * since / model.life) for name in CHANGE_OUTCOMES}
     others = [(_branch(model, track, where, now, outcome), prior) for outcome, prior in priors.items()]
     branches = [(expected, max(1.0 - sum(priors.values()), _OCCURRENCE.outlier)), *others]
     return [branch._replace(weight=branch.weight + float(np.log(prior))) for branch, prior in branches]
@@ -388,10 +390,12 @@ def _pruned(tracks: Sequence[_Track], final: int | None) -> list[_Track]:
         for track in tracks:
             by_outcome[track.steps[final].outcome] += shares[id(track)]
         best = max(by_outcome, key=by_outcome.__getitem__)
-        followed = {name for name in CHANGES if best in CHANGES and by_outcome[name] > 1.0 - SURE} | {best}
+        followed = {name for name in CHANGE_OUTCOMES if best in CHANGE_OUTCOMES and by_outcome[name] > 1.0 - SURE} | {
+            best
+        }
         tracks = [track for track in tracks if track.steps[final].outcome in followed]
     most = sorted(tracks, key=lambda track: -track.weight)[:_PATHS]
-    return [track for track in most if shares[id(track)] >= LEAST * shares[id(most[0])]]
+    return [track for track in most if shares[id(track)] >= _LEAST * shares[id(most[0])]]
 
 
 def _shares(tracks: Sequence[_Track]) -> FloatArray:
@@ -490,7 +494,7 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     after, covariance, H = mean, P, np.zeros((values.size, model.size))
     for _ in range(_ITERATIONS):
         before = H
-        H, offset = linearised(model, after, covariance)
+        H, offset = _linearised(model, after, covariance)
         H[:, model.errors + 1 : model.changes : 2] = warmer * np.eye(values.size)
         H[:, model.errors : model.changes : 2] = np.eye(values.size)
         if np.all(np.abs(H - before) <= _CONVERGED * np.abs(H)):
@@ -503,7 +507,7 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     return _Corrected(after, covariance, innovation, S, float(innovation @ np.linalg.solve(S, innovation)))
 
 
-def linearised(model: TrendModel, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _linearised(model: TrendModel, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slopes of the channels without their errors, (channels, state), over the width of a state, and their offsets."""
     H, offset = np.zeros((len(model.channels), model.size)), np.zeros(len(model.channels))
     for c, (q, function) in enumerate(model.channels):

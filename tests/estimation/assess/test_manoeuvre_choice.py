@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError, SolveError
-from clutchid.estimation.assess.missing_excitation import MEMORY, RESET_SAMPLES, best_manoeuvre
+from clutchid.estimation.assess.missing_excitation import RESET_SAMPLES, RESIDUAL_MEMORY, best_manoeuvre
 from clutchid.inference.uncertainty.gaussian import WEIGHT_SIZES, Information
 from clutchid.model import Actuator, Load
 from clutchid.numerics.least_squares import triangular
@@ -37,7 +37,7 @@ def test_the_gain_is_that_of_generalised_least_squares_with_the_covariance_writt
     proposal = best_manoeuvre(truth, WEIGHTS, Information(names, R), seconds=1.0)
     assert {gain.manoeuvre for gain in proposal.gains} == set(MANOEUVRES)
     lags = np.abs(np.subtract.outer(np.arange(RESET_SAMPLES), np.arange(RESET_SAMPLES)))
-    inverse = np.linalg.inv(np.exp(-1e-3 * lags / MEMORY))
+    inverse = np.linalg.inv(np.exp(-1e-3 * lags / RESIDUAL_MEMORY))
     before = np.linalg.inv(np.linalg.inv(R.T @ R)[:3, :3]) + np.eye(3)
     errors = np.sqrt(np.diag(np.linalg.inv(before)))
     for gain in proposal.gains[::3]:

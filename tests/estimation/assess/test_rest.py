@@ -12,7 +12,7 @@ from clutchid.estimation.assess.rest import Stop, moved_rests, rest_cause
 from clutchid.estimation.fit import fit_request
 from clutchid.estimation.request import FitRequest
 from clutchid.preparation.inspection import inspect
-from clutchid.strokes.vented_rest import RestShift, merged, vented_rest
+from clutchid.strokes.vented_rest import RestShift, merged_levels, vented_rest
 
 UP, DOWN = RestShift(3e-4, 2.8e-4, 3.2e-4), RestShift(-3e-4, -3.2e-4, -2.8e-4)
 
@@ -49,7 +49,7 @@ def readings(calibrated, worn_log):
 @pytest.mark.slow
 def test_a_calibration_keeps_the_rest_of_its_recordings(calibrated, drive_log, tmp_path):
     rest = calibrated.calibration.rest
-    assert rest == pytest.approx(merged([vented_rest(drive_log)]), nan_ok=True)
+    assert rest == pytest.approx(merged_levels([vented_rest(drive_log)]), nan_ok=True)
     write_parameters(parameter_file(calibrated), tmp_path / "cal.toml")
     assert read_parameters(tmp_path / "cal.toml").calibration.rest == pytest.approx(rest, nan_ok=True)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from clutchid.estimation.prediction import innovations, noise_scales, predict_errors
+from clutchid.estimation.prediction import innovation_scales, innovations, predict_errors
 from clutchid.simulation.noise import Noise
 
 pytestmark = pytest.mark.slow
@@ -57,14 +57,14 @@ def test_a_noisier_sensor_is_found_out(plant, recorded_by, problem_of):
     rng = np.random.default_rng(1)
     rough = log.with_columns(position=log["position"] + 1.5e-4 * rng.standard_normal(len(log)))
     problem = problem_of(rough, plant, ("C_vs",), ("position",))
-    scales = noise_scales(problem, predict_errors(problem, np.zeros(1)))
+    scales = innovation_scales(problem, predict_errors(problem, np.zeros(1)))
     # 2000 samples tell a median to 3 %
     assert scales == {"position": pytest.approx(1.5e-4, rel=0.12)}
 
 
 def test_a_better_sensor_than_usual_is_not_believed(plant, recorded_by, problem_of):
     problem = problem_of(recorded_by(plant, 1.0, seed=None), plant, ("C_vs",))
-    assert noise_scales(problem, predict_errors(problem, np.zeros(1))) == problem.noise.measured
+    assert innovation_scales(problem, predict_errors(problem, np.zeros(1))) == problem.noise.measured
 
 
 @pytest.mark.parametrize("rough", [2.0, 4.0])
@@ -76,4 +76,4 @@ def test_the_state_variance_is_subtracted_from_the_errors_and_the_usual_noise_is
     expected = state_std**2 + usual**2
     observed = prediction(np.sqrt((state_std**2 + sensor**2) / expected) * normal, variance=expected)
     problem = SimpleNamespace(measure=("position",), noise=Noise())
-    assert noise_scales(problem, observed) == {"position": pytest.approx(sensor, rel=1e-3)}
+    assert innovation_scales(problem, observed) == {"position": pytest.approx(sensor, rel=1e-3)}

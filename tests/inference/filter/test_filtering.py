@@ -145,7 +145,7 @@ def test_rows_and_cost_count_what_lies_beyond_the_bound_linearly(problem, uncomp
 
 def test_blocks_do_not_change_what_is_found(problem, monkeypatch):
     whole = followed(problem)
-    monkeypatch.setattr(module, "BLOCK", 100)
+    monkeypatch.setattr(module, "_BLOCK", 100)
     cut = followed(problem)
     assert cut.cost == pytest.approx(whole.cost, rel=1e-12)
     assert cut.rows.T @ cut.rows == pytest.approx(whole.rows.T @ whole.rows, rel=1e-9, abs=1e-6)
@@ -216,7 +216,7 @@ def test_recordings_are_filtered_with_the_signature_that_is_compiled_ahead():
         "log = clutchid.bundled_recording()\n"
         "cal = clutchid.calibrate(log.slice(0, 2000), free='load', method='prediction-error')\n"
         "clutchid.observe(log.slice(0, 1000), cal)\n"
-        "follow = kernels_in(KERNELS).follow\n"
+        "follow = kernels_in(KERNELS).follow_segment\n"
         "assert len(follow.signatures) == 1, follow.signatures\n"
     )
     process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -114,7 +114,7 @@ def joint_moments(state):
 def followed(kernels, calls, *args, **options):
     state = drawn()
     inputs, output = arguments(*args, **options)
-    assert kernels.follow(*calls, state, *inputs) == -1
+    assert kernels.follow_segment(*calls, state, *inputs) == -1
     return state, output
 
 
@@ -181,7 +181,7 @@ def test_strokes_that_have_ended_widen_what_is_known_a_column_a_correction(kerne
     for at in (state, worn):
         (arrays, *inputs), _ = arguments(4, noise=0.0)
         arrays = arrays._replace(settings=arrays.settings._replace(drifts=0.5 * np.eye(K), least_speed=np.inf))
-        kernels.follow(*calls, at, arrays, *inputs)
+        kernels.follow_segment(*calls, at, arrays, *inputs)
     assert worn.wear[0] == 0
     assert pytest.approx(state.T @ state.T.T + 0.25 * np.eye(K), abs=1e-12) == worn.T @ worn.T.T
 
@@ -191,11 +191,11 @@ def test_parameters_stay_within_their_bounds_and_the_states_move_as_far_as_they_
     inputs[0].free.numbers[:, 5:] = -0.05, 0.05
     state = drawn()
     state[2][:] = 0.0
-    kernels.follow(*calls, state, *inputs)
+    kernels.follow_segment(*calls, state, *inputs)
     assert np.abs(state[2]).max() == 0.05
     assert np.isfinite(state[0]).all()
 
 
 def test_a_sample_allocates_nothing(kernels, calls):
     few, all_samples = ((*calls, drawn(), *arguments(1, span=(0, last))[0]) for last in (4, SAMPLES))
-    assert allocated(kernels.follow, few) == allocated(kernels.follow, all_samples)
+    assert allocated(kernels.follow_segment, few) == allocated(kernels.follow_segment, all_samples)

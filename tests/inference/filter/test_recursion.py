@@ -51,14 +51,14 @@ def test_a_triangle_has_the_same_covariance_as_the_wide_matrix(kernels):
     random = np.random.default_rng(0)
     W = np.hstack([random.standard_normal((SIZE, SIZE)), np.tril(random.standard_normal((SIZE, N)))])
     before = W @ W.T
-    kernels.triangularise(W)
+    kernels.lower_triangular(W)
     assert np.array_equal(W, np.tril(W))
     assert pytest.approx(before, abs=1e-14 * np.abs(before).max() * SIZE**2) == W @ W.T
 
 
 def test_a_row_of_zeros_is_no_trouble_to_a_triangle(kernels):
     W = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 2.0, 2.0, 0.0]])
-    kernels.triangularise(W)
+    kernels.lower_triangular(W)
     assert np.array_equal(W[0], np.zeros(4))
     assert pytest.approx(np.array([[0.0, 0.0], [0.0, 9.0]]), rel=1e-14) == W @ W.T
 
@@ -134,9 +134,9 @@ def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
 def test_a_copy_of_the_state_rewinds_the_filter(kernels, calls):
     state, *others = pass_over(4)
     before = FilterState(*(array.copy() for array in state))
-    kernels.follow(*calls, state, *others)
+    kernels.follow_segment(*calls, state, *others)
     assert np.abs(state.x - before.x).max() > 0.1
-    kernels.follow(*calls, before, *others)
+    kernels.follow_segment(*calls, before, *others)
     for again, once in zip(before, state, strict=True):
         assert np.array_equal(again, once)
 
@@ -144,7 +144,7 @@ def test_a_copy_of_the_state_rewinds_the_filter(kernels, calls):
 @pytest.mark.parametrize("correlated", [False, True])
 def test_the_compiled_recursion_does_what_its_python_text_says(kernels, calls, correlated):
     results = []
-    for follow in (kernels.follow, kernels.follow.py_func):
+    for follow in (kernels.follow_segment, kernels.follow_segment.py_func):
         state, *arguments = pass_over(6, correlated)
         assert follow(*calls, state, *arguments) == -1
         results.append([*state, *arguments[3]])
@@ -155,7 +155,7 @@ def test_the_compiled_recursion_does_what_its_python_text_says(kernels, calls, c
 
 def test_a_missing_measurement_has_a_row_of_zeros_and_no_innovation(kernels, calls):
     arguments = pass_over(3)
-    kernels.follow(*calls, *arguments)
+    kernels.follow_segment(*calls, *arguments)
     errors, rows = arguments[4].errors, arguments[4].rows
     assert np.isnan(errors[1, 0]).all()
     assert np.array_equal(rows[1, 0], np.zeros(K + 1))
@@ -165,9 +165,9 @@ def test_a_missing_measurement_has_a_row_of_zeros_and_no_innovation(kernels, cal
 def test_the_first_sample_that_is_not_finite_is_named(kernels, calls):
     arguments = pass_over(6)
     arguments[2].inputs[3] = np.nan  # of the interval before sample 4
-    assert kernels.follow(*calls, *arguments) == 4
+    assert kernels.follow_segment(*calls, *arguments) == 4
 
 
 def test_a_sample_allocates_nothing(kernels, calls):
     few, many = ((*calls, *pass_over(samples)) for samples in (3, 300))
-    assert allocated(kernels.follow, few) == allocated(kernels.follow, many)
+    assert allocated(kernels.follow_segment, few) == allocated(kernels.follow_segment, many)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.estimation.assess.missing_excitation import missing
+from clutchid.estimation.assess.missing_excitation import missing_excitation
 from clutchid.log import Log
 from clutchid.measurements import read
 from clutchid.model import Actuator
@@ -65,10 +65,10 @@ def test_a_recording_that_never_vents_assumes_a_vented_pressure_and_says_so(reco
     assert "assumes 0.950 bar (std 2.0 kPa) there" in check.sentence
     assert "--ambient" not in check.sentence
     (sentence,) = [
-        text for text in missing(excitation(moving), Actuator()) if "settle" in text or "vented rest" in text
+        text for text in missing_excitation(excitation(moving), Actuator()) if "settle" in text or "vented rest" in text
     ]
     assert sentence.endswith(("with the exhaust valve open.", "with the clutch engaged."))
-    assert not any("settle" in text for text in missing(excitation(log), Actuator()))
+    assert not any("settle" in text for text in missing_excitation(excitation(log), Actuator()))
 
 
 def test_holes_and_missing_samples_change_no_verdict(recorded):

@@ -86,7 +86,7 @@ def _passes(position: FloatArray, force: FloatArray, level: float) -> float:
     return float(y0 + (level - f0) / (f1 - f0) * (y1 - y0))
 
 
-class Difference(NamedTuple):
+class LoadDifference(NamedTuple):
     """Change of a load in N with its 95 % interval, and as a share of the calibrated load, which is NaN near 0."""
 
     force: FloatArray
@@ -114,7 +114,7 @@ class Comparison(NamedTuple):
 
     calibrated: LoadCurve
     present: LoadCurve
-    difference: Difference
+    difference: LoadDifference
     half_before: HalfLoad
     half_now: HalfLoad
     shift: HalfLoad
@@ -147,13 +147,13 @@ def comparison(fit: Fit) -> Comparison | None:
     return Comparison(calibrated, present, _difference(calibrated, present), before, now, _shift(before, now), furthest)
 
 
-def _difference(calibrated: LoadCurve, present: LoadCurve) -> Difference:
+def _difference(calibrated: LoadCurve, present: LoadCurve) -> LoadDifference:
     force = present.force - calibrated.force
     half = np.hypot(*((curve.high - curve.low) / 2 for curve in (calibrated, present)))
     smallest = SMALLEST_SHARE * max(float(np.nanmax(calibrated.force)), 0.0)
     loaded = calibrated.force > smallest
     share = np.where(loaded, force / np.where(loaded, calibrated.force, 1.0), np.nan)
-    return Difference(force, force - half, force + half, share)
+    return LoadDifference(force, force - half, force + half, share)
 
 
 def _shift(before: HalfLoad, now: HalfLoad) -> HalfLoad:

@@ -13,21 +13,21 @@ from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.strokes.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
-from clutchid.strokes.residual_colour import FEWEST, LAGS, Colour, block_means, colour, effective_samples
+from clutchid.strokes.residual_colour import FEWEST_VALUES, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.strokes.sampled import velocity
 
 #: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.
 _SLOW_INTERVAL = 0.02
 
-Direction = Literal["opening", "closing", "hold", "all"]
-_DIRECTIONS: tuple[Direction, ...] = ("opening", "closing", "hold")
+_Direction = Literal["opening", "closing", "hold", "all"]
+_DIRECTIONS: tuple[_Direction, ...] = ("opening", "closing", "hold")
 
 #: For white noise, more than 2 of 25 lags lie outside the 99 % bounds in only 1 of 500 recordings.
 MOST_OUTSIDE = 2.5 / 25
 
 #: For white noise, the largest of 51 correlations exceeds this multiple of its 99 % bound in only 1 of 100 recordings
 #: (Bonferroni).
-BEYOND = 3.724 / 2.576
+COLOURED = 3.724 / 2.576
 
 #: A smaller correlation with an input explains less than 1 % of the whitened residual at either rate.
 LEAST_CORRELATION = 0.1
@@ -45,7 +45,7 @@ class RegionError:
 
     low: float
     high: float
-    direction: Direction
+    direction: _Direction
     samples: int
     rms: float
     mean: float
@@ -239,7 +239,7 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
     sentences = []
     for name in INPUTS:
         rates = [rate.inputs[name] for rate in (column.fast, column.slow) if name in rate.inputs]
-        certain = [rate for rate in rates if abs(rate.strongest) > BEYOND * rate.strongest_bound]
+        certain = [rate for rate in rates if abs(rate.strongest) > COLOURED * rate.strongest_bound]
         best = max(certain, key=lambda rate: abs(rate.strongest), default=None)
         if best is not None and abs(best.strongest) > LEAST_CORRELATION:
             # the fast rate gives the lag more precisely where both rates find the same one
@@ -257,7 +257,7 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
 
 
 def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
-    least = max(FEWEST, _LEAST_SHARE * column.samples)
+    least = max(FEWEST_VALUES, _LEAST_SHARE * column.samples)
     candidates = [region for region in column.regions if region.direction != "all" and region.samples >= least]
     worst = max(candidates, key=lambda region: region.rms, default=None)
     if worst is None or worst.rms < _WORSE * column.rms:

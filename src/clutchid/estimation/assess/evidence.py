@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from clutchid.estimation.assess.diagnostics import Diagnosis, diagnose, fit_percent
-from clutchid.estimation.assess.missing_excitation import missing
+from clutchid.estimation.assess.missing_excitation import missing_excitation
 from clutchid.estimation.result import Fit, Recording
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
 from clutchid.log import Log, sample_interval
@@ -19,7 +19,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.simulation import Partition
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.simulation import simulate
-from clutchid.strokes.excitation import excitation, joined
+from clutchid.strokes.excitation import excitation, joint_excitation
 
 
 class Reason(NamedTuple):
@@ -70,10 +70,10 @@ def evidence(fit: Fit) -> Evidence:
     if fit.status == "failed" or not diagnoses:
         return Evidence({}, {}, ())
     actuator = fit.actuator
-    moved = joined([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
+    moved = joint_excitation([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
     # with B-splines, which are local, and with priors, only the motion shows what is missing
-    determined = information(fit) if actuator.load.basis == "paper" and not fit.follows else None
-    sentences = missing(moved, actuator, determined and _identifiable_if_known(determined))
+    determined = shared_information(fit) if actuator.load.basis == "paper" and not fit.follows else None
+    sentences = missing_excitation(moved, actuator, determined and _identifiable_if_known(determined))
     return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
 
 
@@ -118,7 +118,7 @@ def predicted_fit(fit: Fit, name: str) -> float:
     return fit_percent(part["position"], as_recorded(fit, name, simulation.log)["position"])
 
 
-def information(fit: Fit) -> Information | None:
+def shared_information(fit: Fit) -> Information | None:
     """Information about the shared free parameters; None if there is none."""
     names = [name for name in fit.parameters if "@" not in name]
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]

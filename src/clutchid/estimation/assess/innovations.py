@@ -18,7 +18,7 @@ from clutchid.strokes.residual_colour import Colour, colour
 SPAN = 1.0
 
 #: Probabilities of the bounds of a mean NIS.
-BOUNDS = 0.025, 0.975
+_BOUNDS = 0.025, 0.975
 
 
 class MeanNIS(NamedTuple):
@@ -63,7 +63,7 @@ def chi_square_bounds(count: FloatArray) -> tuple[FloatArray, FloatArray]:
     from scipy.special import gammaincinv
 
     some = np.where(count > 0, count, np.nan)
-    low, high = (2.0 * gammaincinv(some / 2.0, share) / some for share in BOUNDS)
+    low, high = (2.0 * gammaincinv(some / 2.0, share) / some for share in _BOUNDS)
     return low, high
 
 

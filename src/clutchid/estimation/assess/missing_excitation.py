@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.errors import SolveError
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
-from clutchid.inference.uncertainty.identifiability import CORRELATION, correlations, identifiable, listed
+from clutchid.inference.uncertainty.identifiability import CORRELATION, correlations, identifiable, in_words
 from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
@@ -28,7 +28,7 @@ _ACTS = 0.01
 _MOST_PAIRS = 3
 
 
-def missing(excitation: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
+def missing_excitation(excitation: Excitation, actuator: Actuator, information: Information | None = None) -> list[str]:
     """Excitation that a recording lacks to identify load and parameters, a sentence each; empty if none is missing.
 
     Parameters
@@ -82,8 +82,8 @@ def _weights_beyond_reach(
     begin, needed = min(span[0] for span in beyond.values()), max(span[1] for span in beyond.values())
     contains, act = "contains" if excitation.recordings == 1 else "contain", "acts" if len(beyond) == 1 else "act"
     return [
-        f"{reaching} and {contains} no information about {listed(list(beyond))}, which {act} from {begin * 1e3:.1f} mm "
-        f"on: reach {needed * 1e3:.1f} mm or more."
+        f"{reaching} and {contains} no information about {in_words(list(beyond))}, which {act} from {begin * 1e3:.1f} "
+        f"mm on: reach {needed * 1e3:.1f} mm or more."
     ]
 
 
@@ -151,7 +151,7 @@ def _other_parameters(information: Information, actuator: Actuator, excitation: 
     for need, holds, why in reasons:
         members = [name for name in unknown if name in rows and rows[name].needs == need]
         if members and holds:
-            sentences.append(f"{who} {contains} no information about {listed(members)}: {why}")
+            sentences.append(f"{who} {contains} no information about {in_words(members)}: {why}")
     return sentences
 
 
@@ -194,7 +194,7 @@ def _never_vents(excitation: Excitation, who: str) -> list[str]:
 RESET_SAMPLES = 200
 
 #: Correlation time of the residuals in s: the part between two resets then has the information of two to three samples.
-MEMORY = 0.1
+RESIDUAL_MEMORY = 0.1
 
 #: A recording is useful if it reduces the worst standard error to less than this fraction.
 _USEFUL_REDUCTION = 0.9
@@ -285,7 +285,7 @@ def best_manoeuvre(
 def _whitened(simulation: Simulation, sizes: FloatArray) -> FloatArray:
     """Triangular factor of the whitened sensitivities of the position, in natural sizes."""
     log: Log = simulation.log
-    rho = np.exp(-sample_interval(log.time) / MEMORY)
+    rho = np.exp(-sample_interval(log.time) / RESIDUAL_MEMORY)
     begins = np.zeros(len(log), dtype=bool)
     begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
     J = np.column_stack([s[:, 0] for s in simulation.sensitivities.values()]) * sizes / MEASURED["position"].first_scale

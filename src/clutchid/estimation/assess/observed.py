@@ -24,7 +24,7 @@ from clutchid.observer.recording import ObservedRecording
 TRUSTS: tuple[Trust, ...] = ("none", "with care", "good")
 
 #: Positions at which the band of the load is looked at while the clutch engages.
-POINTS = 13
+_POINTS = 13
 
 
 class Limit(NamedTuple):
@@ -104,7 +104,7 @@ class Indicators(NamedTuple):
 
 def engaging_load(run: ObservedRecording | LiveRun) -> LoadCurve:
     """The load after a recording where the clutch engages, 5 to 8 mm."""
-    return curve(run.observer, run.after, np.linspace(*ENGAGING, POINTS))
+    return curve(run.observer, run.after, np.linspace(*ENGAGING, _POINTS))
 
 
 def most_trust(observer: Observer) -> Trust:

@@ -12,13 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.estimation.assess.comparison import ENGAGING
-from clutchid.estimation.assess.diagnostics import BEYOND, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
-from clutchid.estimation.assess.evidence import HORIZON, Evidence, Reason, evidence, information, once_a_fit, reach
+from clutchid.estimation.assess.diagnostics import COLOURED, LEAST_CORRELATION, MOST_OUTSIDE, ColumnDiagnosis
+from clutchid.estimation.assess.evidence import (
+    HORIZON,
+    Evidence,
+    Reason,
+    evidence,
+    once_a_fit,
+    reach,
+    shared_information,
+)
 from clutchid.estimation.assess.rest import rest_reasons
 from clutchid.estimation.result import Departure, Fit, physical_limits
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.gaussian import spectrum
-from clutchid.inference.uncertainty.identifiability import collinear, listed
+from clutchid.inference.uncertainty.identifiability import collinear, in_words
 from clutchid.log import sample_interval
 from clutchid.names import base_of
 from clutchid.numerics.interval import QUANTILE
@@ -49,7 +57,7 @@ def bound_notes(fit: Fit) -> list[str]:
 
 
 def _lie(names: list[str]) -> str:
-    return f"{listed(names)} {'lies' if len(names) == 1 else 'lie'}"
+    return f"{in_words(names)} {'lies' if len(names) == 1 else 'lie'}"
 
 
 def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
@@ -70,7 +78,9 @@ def slow_reasons(fit: Fit) -> Iterator[Reason]:
     if not slow:
         return
     slowest = min(1.0 / sample_interval(logs[name].time) for name in slow)
-    text = f"{listed(slow)}: at {slowest:.3g} Hz the valves open and close between the samples, at times that are not "
+    text = (
+        f"{in_words(slow)}: at {slowest:.3g} Hz the valves open and close between the samples, at times that are not "
+    )
     text += "recorded. "
     if fit.baseline is not None and "pressure_a" not in fit.scales:
         text += "The interval is widened for that, but by what it costs on virtual trucks only; "
@@ -98,7 +108,7 @@ _MISFIT, _POOR_MISFIT = 1.5, 2.2
 
 #: Leak of chamber A in m³/(Pa·s): beyond the first few trucks were tried, and one was 9.5 % off; the second is the end
 #: of what a search admits. Provenance: `benchmarks/pairs.py`, benchmarks/results/changes.md.
-LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
+_LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
 
 #: Position in m from which the error counts: before, the load is small.
 FROM = 5e-4
@@ -114,21 +124,21 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
         moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
         measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
         text = (
-            f"what may change is far from the calibration {name}: {listed(moved)} {measure}; inputs that are late or "
+            f"what may change is far from the calibration {name}: {in_words(moved)} {measure}; inputs that are late or "
         )
         text += "a sensor that is off do that, check them."
         if nearer > ANOTHER:
             text = (
-                f"the calibration {name} seems to be of another truck: no change explains {listed(moved)} {measure}; "
+                f"the calibration {name} seems to be of another truck: no change explains {in_words(moved)} {measure}; "
             )
             text += "take the calibration of this truck, or make one."
         yield Reason(text, nearer > ANOTHER)
     for change in fit.changes:
-        if change.name == "C_A0" and change.after > LEAKS:
+        if change.name == "C_A0" and change.after > _LEAKS:
             too_much = change.after > _LEAKS_TOO_MUCH
             what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
             text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
-            yield Reason(f"{text}m³/(Pa·s), more than {LEAKS:g}): mend the leak, then record again.", too_much)
+            yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): mend the leak, then record again.", too_much)
     if departure.misfit > _MISFIT:
         text = (
             f"the recording costs {departure.misfit:.1f} times "
@@ -252,7 +262,7 @@ def _autocorrelated(residual: ColumnDiagnosis) -> float:
 
 def _correlates_with_valve(residual: ColumnDiagnosis, least: float) -> bool:
     correlations = [c for rate in (residual.fast, residual.slow) for c in rate.inputs.values()]
-    return any(abs(c.strongest) > max(BEYOND * c.strongest_bound, least) for c in correlations)
+    return any(abs(c.strongest) > max(COLOURED * c.strongest_bound, least) for c in correlations)
 
 
 #: Fits in %: below the first a tenth of the motion is not reproduced, below the second half of it.
@@ -335,7 +345,7 @@ def ambient_reasons(fit: Fit) -> Iterator[Reason]:
         if base == "P_0" and not any(settled[log] for log in logs):
             half, curve = QUANTILE * estimate.std, fit.load_curve
             share = half * fit.actuator.parameters.A_A / curve.force[curve.peak(reach(fit))]
-            text = f"{listed(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
+            text = f"{in_words(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
             advice = remedy(fit.recordings[log].measured for log in logs)
             yield Reason(f"{text}± {100 * share:.1f} % of the peak; {advice}.")
 
@@ -350,7 +360,7 @@ def _rounding(fit: Fit) -> Iterator[Reason]:
         names = [list(fit.parameters)[i] for i in finite]
         mixed = [name for name, part in zip(names, np.abs(vectors[:, -1]), strict=True) if part > 0.1]
         yield Reason(
-            f"the Jacobian is numerically singular in the direction of {listed(mixed)}: their intervals are "
+            f"the Jacobian is numerically singular in the direction of {in_words(mixed)}: their intervals are "
             "meaningless; fix one of them.",
             any(name in fit.actuator.load.names for name in mixed),
         )
@@ -365,9 +375,9 @@ def _undetermined(fit: Fit) -> Iterator[Reason]:
             undetermined += [name] if size > 0.0 and estimate.std >= size else []
     if undetermined:
         what = "the standard error of {} is" if len(undetermined) == 1 else "the standard errors of {} are"
-        names = what.format(listed(undetermined))
+        names = what.format(in_words(undetermined))
         yield Reason(f"{names} as large as the value: the data do not determine it; fix it.")
-    if shared := information(fit):
+    if shared := shared_information(fit):
         group = [shared.determined[i] for i in collinear(shared.columns(shared.determined))]
         if len(group) >= 3:
             text = f"of {len(group)} parameters, {group[0]} to {group[-1]}, only combinations can be determined: "

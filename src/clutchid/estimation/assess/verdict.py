@@ -14,7 +14,7 @@ from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measu
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
 from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, share_off, valve_notes
 from clutchid.estimation.result import Fit
-from clutchid.inference.uncertainty.identifiability import listed
+from clutchid.inference.uncertainty.identifiability import in_words
 from clutchid.model.actuator import Actuator
 from clutchid.systems import command_line
 
@@ -46,14 +46,14 @@ class ReadingDifference(NamedTuple):
         return max(abs(self.load) / self.load_allowed, abs(self.shift) / self.shift_allowed)
 
 
-class States(NamedTuple):
+class WearStates(NamedTuple):
     """Recordings by state of wear, and the two of them that differ most."""
 
     groups: tuple[tuple[str, ...], ...]
     most: ReadingDifference
 
 
-def states_of_wear(fit: Fit) -> States | None:
+def states_of_wear(fit: Fit) -> WearStates | None:
     """The states of wear of the recordings of a fit, by its readings one by one; None if they do not differ.
 
     Notes
@@ -82,7 +82,7 @@ def states_of_wear(fit: Fit) -> States | None:
             groups.append([name])
         else:
             own.append(name)
-    return States(tuple(map(tuple, groups)), most)
+    return WearStates(tuple(map(tuple, groups)), most)
 
 
 def _measurement(reading: Fit) -> Measurement | None:
@@ -124,7 +124,7 @@ def states_reasons(fit: Fit) -> list[Reason]:
     count, most = len(states.groups), states.most
     text = f"these are {_NUMBERS.get(count, str(count))} states of wear"
     if len(fit.readings) > 2:
-        text += f" ({'; '.join(listed(list(group)) for group in states.groups)})"
+        text += f" ({'; '.join(in_words(list(group)) for group in states.groups)})"
     text += f": from {most.first} to {most.second} {' and '.join(_how_far(most))}. One load for all of them describes "
     return [Reason(f"{text}none: use the readings one by one, or follow the wear with {track_command(fit)}")]
 

@@ -17,16 +17,15 @@ from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_
 from clutchid.inference.filter.recursion import move
 from clutchid.inference.filter.references import AdaptiveNumbers, AdaptiveState
 from clutchid.inference.filter.setup import (
-    OUTPUT,
+    OUTPUT_ROW,
     STATE,
     FilterArrays,
     FilterOutput,
     FreeArrays,
-    IntArray,
     Intervals,
     ModelArrays,
 )
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 
 
 @kernel
@@ -60,7 +59,7 @@ def correct_position(
     after = before + area * e
     q = x[numbers.at_pressure] * before + gain * area / (0.5 * (before + after)) * e
     x[numbers.at_pressure] = q / after
-    x[sensor[OUTPUT]] += e
+    x[sensor[OUTPUT_ROW]] += e
     x[sensor[STATE]] += e
 
 
@@ -85,7 +84,7 @@ def correct_sample_adaptively(state: AdaptiveState, value: float, arrays: Filter
     if math.isnan(value):
         follows[0] = 0
         return False
-    e = value - (x[sensor[OUTPUT]] + offset)
+    e = value - (x[sensor[OUTPUT_ROW]] + offset)
     bound = settings.outlier * sigma
     errors[0], errors[1] = e, sigma * sigma
     if follows[0] == 0:
@@ -119,7 +118,8 @@ def follow_adaptively(
 ) -> int:
     """Observe some samples of a segment in place; the first that is not finite, or -1.
 
-    Parameters as of `recursion.follow`; T is a root of the gains of the weights, and there are no columns and no drift.
+    Parameters as of `recursion.follow_segment`; T is a root of the gains of the weights; there are no columns and no
+    drift.
     """
     u, length, substeps, _, lags = intervals
     begin, end, _ = span

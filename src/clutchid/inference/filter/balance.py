@@ -168,7 +168,7 @@ def follow_balance(
 ) -> int:
     """Follow some samples of a segment in place; the first that is not finite, or -1.
 
-    Parameters as of `recursion.follow`, but there are no columns.
+    Parameters as of `recursion.follow_segment`, but there are no columns.
     """
     x, model, settings, derived = state.x, arrays.model, arrays.settings, arrays.derived
     at_position = settings.at_position
@@ -193,7 +193,7 @@ def follow_balance(
 
 
 #: A position further from the last one than this in m for each sample since is left out: faster than any piston.
-REACH = 1e-3
+_REACH = 1e-3
 
 #: For each sample without a usable position so many with one must follow before the balance counts again: the pressure
 #: in open loop knows nothing of how the piston moved meanwhile, until the chamber is vented. Provenance:
@@ -209,7 +209,7 @@ def take_position(state: BalanceState, value: float) -> None:
     newest = positions[last]
     for i in range(last):
         positions[i] = positions[i + 1]
-    usable_value = not math.isnan(value) and abs(value - newest) <= REACH * (1.0 + missing[0])
+    usable_value = not math.isnan(value) and abs(value - newest) <= _REACH * (1.0 + missing[0])
     positions[last] = value if usable_value else newest
     usable[0] = usable[0] + 1 if usable_value else min(usable[0], 0) - _RENEWAL
     missing[0] = 0 if usable_value else missing[0] + 1

@@ -29,7 +29,7 @@ from clutchid.inference.filter.setup import (
 from clutchid.log import FloatArray, Log
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import prepare, step
+from clutchid.model.compiled import preparation_kernel, step
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import triangular
 from clutchid.simulation.divergence import failure_message
@@ -51,7 +51,7 @@ _TIME, _USUAL = np.arange(4) / 1000, "energy-balance-stribeck"
 _SENSORS = tuple(MEASURED)
 
 #: Samples whose rows are compressed together.
-BLOCK = 2048
+_BLOCK = 2048
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,18 +114,18 @@ def filtered(
     inputs_of(segment, mapped.actuator.model)
     state, arrays = _start(track, mapped, measure, noise, with_gains=fixed_gains is not None)
     along = intervals(segment, mapped.actuator, noise, _SENSORS), measured_values(track, measure, _SENSORS)
-    calls = step(mapped.actuator.model), prepare(mapped.actuator.model)
+    calls = step(mapped.actuator.model), preparation_kernel(mapped.actuator.model)
     length, sensors = len(segment), len(_SENSORS)
     errors, passed = np.empty((length, sensors, 2)), np.full((length, len(states)), np.nan)
     gains = np.zeros((length, sensors, state.x.size + 1)) if fixed_gains is None else fixed_gains
     pressures, factor, cost = np.empty((length, k + 1)), np.zeros((0, k + 1)), 0.0
     wait_for_kernels()
-    for begin in range(0, length, BLOCK):
-        end = min(begin + BLOCK, length)
+    for begin in range(0, length, _BLOCK):
+        end = min(begin + _BLOCK, length)
         of_block = np.empty((end - begin, sensors, k + 1))
         part = slice(begin, end)
         output = FilterOutput(errors[part], passed[part], passed[:0], gains[part], of_block, pressures[part])
-        failed: int = kernels_in(KERNELS).follow(*calls, state, arrays, *along, output, (begin, end, 0))
+        failed: int = kernels_in(KERNELS).follow_segment(*calls, state, arrays, *along, output, (begin, end, 0))
         failed = end - 1 if failed < 0 and not np.isfinite(state.S).all() else failed
         if failed >= 0:
             return Failure(failure_message(track.measured, segment, passed, failed, states, mapped.actuator))
@@ -195,6 +195,6 @@ def compile_filter_beside() -> None:
     """
     from clutchid.codegen.machine_code import is_kept
 
-    if not is_kept(kernels_in(KERNELS).follow):
-        few = (partial(call, _USUAL, few=True) for call in (step, prepare))
+    if not is_kept(kernels_in(KERNELS).follow_segment):
+        few = (partial(call, _USUAL, few=True) for call in (step, preparation_kernel))
         compile_beside(compile_filter, _USUAL, (*few, partial(lagged, np.zeros(2), 1.0, 1.0)))

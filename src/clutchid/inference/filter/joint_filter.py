@@ -23,7 +23,6 @@ from clutchid.inference.filter.setup import (
     FilterOutput,
     FilterState,
     FreeArrays,
-    IntArray,
     Intervals,
     SettingsArrays,
     Window,
@@ -36,10 +35,10 @@ from clutchid.inference.filter.setup import (
     sensor_rows,
 )
 from clutchid.inference.uncertainty.coordinates import Coordinate
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import few_suffice, kernels, prepare, step
+from clutchid.model.compiled import few_suffice, kernels, preparation_kernel, step
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
@@ -136,7 +135,7 @@ _RECURSION = "clutchid.inference.filter.recursion"
 
 #: Module and name of the kernel along a segment, by the type of `JointFilter.reference`; their signatures are alike.
 _KERNELS = {
-    type(None): (_RECURSION, "follow"),
+    type(None): (_RECURSION, "follow_segment"),
     AdaptiveNumbers: ("clutchid.inference.filter.adaptive", "follow_adaptively"),
     BalanceNumbers: ("clutchid.inference.filter.balance", "follow_balance"),
 }
@@ -424,7 +423,7 @@ def drifted(joint: JointFilter, T: FloatArray, wear: IntArray) -> FloatArray:
 def calls(joint: JointFilter) -> tuple[Any, Any]:
     """The generated step of the model, and what computes its constants."""
     model = joint.mapped.actuator.model
-    return step(model, joint.few), prepare(model, joint.few)
+    return step(model, joint.few), preparation_kernel(model, joint.few)
 
 
 def covariance(joint: JointFilter, at: FilterState) -> FloatArray:

@@ -10,34 +10,33 @@ from collections.abc import Callable
 
 from clutchid.codegen.kernels import kernel
 from clutchid.inference.filter.setup import (
-    HIGH,
+    BOUND_HIGH,
+    BOUND_LOW,
     LAG_OF,
     LEAST,
-    LOW,
     MEAN,
     MOST,
     OFFSET_OF,
     PARAMETER,
     POSITIVE,
+    PRIOR_WIDTH,
     WEIGHT,
-    WIDTH,
     Derived,
     FreeArrays,
-    IntArray,
     ModelArrays,
 )
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.simulation.stiffness import Pace
 
 
 @kernel
 def value_in_si(numbers: FloatArray, theta: float) -> float:
     """A free parameter in SI; `numbers` is its row, see `arrays`."""
-    step = numbers[WIDTH] * theta
+    step = numbers[PRIOR_WIDTH] * theta
     value = numbers[MEAN] + step
     if numbers[POSITIVE] > 0.0:
         value = numbers[MEAN] * math.exp(min(max(step, -50.0), 50.0))
-    return float(min(max(value, numbers[LOW]), numbers[HIGH]))
+    return float(min(max(value, numbers[BOUND_LOW]), numbers[BOUND_HIGH]))
 
 
 @kernel
@@ -59,7 +58,7 @@ def refresh(
     by_weight, by_parameter = False, False
     for j in range(theta.size):
         value = value_in_si(numbers[j], theta[j])
-        derived.slopes[j] = numbers[j, WIDTH] * (value if numbers[j, POSITIVE] > 0.0 else 1.0)
+        derived.slopes[j] = numbers[j, PRIOR_WIDTH] * (value if numbers[j, POSITIVE] > 0.0 else 1.0)
         if places[j, WEIGHT] >= 0:
             derived.weights[places[j, WEIGHT]], by_weight = value, True
         else:
@@ -109,7 +108,7 @@ def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeA
 
 
 @kernel
-def state_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviations: FloatArray, w: FloatArray) -> None:
+def first_deviations(S: FloatArray, T: FloatArray, slopes: FloatArray, deviations: FloatArray, w: FloatArray) -> None:
     """Standard deviations of the first states, as many as `deviations` (n,) has room for, in SI; w (k,) is scratch."""
     k = T.shape[0]
     for i in range(deviations.size):

@@ -34,9 +34,9 @@ import numpy as np
 
 from clutchid.codegen.kernels import inlined, kernel
 from clutchid.inference.filter.joint_parameters import (
+    first_deviations,
     move_parameters,
     refresh,
-    state_deviations,
     steps_at,
     value_in_si,
 )
@@ -45,20 +45,19 @@ from clutchid.inference.filter.setup import (
     LAG,
     LONG,
     OFFSET,
-    OUTPUT,
+    OUTPUT_ROW,
     STATE,
     WEARS,
     FilterArrays,
     FilterOutput,
     FilterState,
     FreeArrays,
-    IntArray,
     Intervals,
     ModelArrays,
     Scratch,
 )
 from clutchid.inference.filter.transition import begin_columns, bring_up, place_window
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.simulation.comparison import lag_coefficients
 
 
@@ -76,7 +75,7 @@ def move_sensors(x: FloatArray, S: FloatArray, before: FloatArray, sensors: IntA
         Coefficients a, b, c of each lag, and their derivatives with respect to it.
     """
     for m in range(sensors.shape[0]):
-        output, state, a, b, c = sensors[m, OUTPUT], sensors[m, STATE], lags[m, 0], lags[m, 1], lags[m, 2]
+        output, state, a, b, c = sensors[m, OUTPUT_ROW], sensors[m, STATE], lags[m, 0], lags[m, 1], lags[m, 2]
         by_lag = lags[m, 3] * x[output] + lags[m, 4] * before[m, 0] + lags[m, 5] * x[state]
         x[output] = a * x[output] + b * before[m, 0] + c * x[state]
         for j in range(S.shape[1]):
@@ -109,8 +108,8 @@ def add_process_noise(S: FloatArray, sigma: FloatArray, sensors: IntArray, share
     for i in range(n):
         W[i, size + i] = sigma[i]
     for m in range(sensors.shape[0]):
-        W[sensors[m, OUTPUT], size + sensors[m, STATE]] = shares[m] * sigma[sensors[m, STATE]]
-    triangularise(W)
+        W[sensors[m, OUTPUT_ROW], size + sensors[m, STATE]] = shares[m] * sigma[sensors[m, STATE]]
+    lower_triangular(W)
     for i in range(size):
         for j in range(size):
             S[i, k + j] = W[i, j]
@@ -160,7 +159,7 @@ def move(
 
 
 @inlined
-def move_columns(
+def move_wide_columns(
     step: Callable[..., bool],
     state: FilterState,
     columns: FloatArray,
@@ -237,7 +236,7 @@ def move_alone(
         columns[at_position, j] += by_speed
         for m in range(sensors.shape[0]):
             if sensors[m, STATE] == at_position:
-                columns[sensors[m, OUTPUT], j] += by_speed
+                columns[sensors[m, OUTPUT_ROW], j] += by_speed
     rest[0] = own
     for m in range(sensors.shape[0]):
         lag_coefficients(lags[m], rest, coefficients[m : m + 1])
@@ -342,10 +341,10 @@ def correct(
     h, w, step = scratch.h, scratch.w, scratch.step
     size, k, columns = x.size, theta.size, S.shape[1]
     for j in range(columns):
-        h[j] = S[sensor[OUTPUT], j]
+        h[j] = S[sensor[OUTPUT_ROW], j]
     if sensor[OFFSET] >= 0:
         h[sensor[OFFSET]] += 1.0
-    e = value - (x[sensor[OUTPUT]] + offset)
+    e = value - (x[sensor[OUTPUT_ROW]] + offset)
     weighted, by_parameters = 0.0, 0.0
     if columns > k:
         by_states = 0.0
@@ -362,7 +361,7 @@ def correct(
             S[i, j] -= gain[i] * h[j]
     if adapts:
         update_parameters(T, w, weighted, by_parameters, step, scratch.turns)
-    correct_considered(state, sensor[OUTPUT], adapts, slopes, gain, h, step)
+    correct_considered(state, sensor[OUTPUT_ROW], adapts, slopes, gain, h, step)
     if adapts:
         for j in range(k):
             step[j] *= e
@@ -557,7 +556,7 @@ def add_drift(T: FloatArray, root: FloatArray, wear: IntArray, turns: FloatArray
 
 
 @kernel
-def triangularise(W: FloatArray) -> None:
+def lower_triangular(W: FloatArray) -> None:
     """Make ``[A, B]`` lower triangular in place by Householder reflections of its columns, which keep W W'.
 
     A has as many columns as rows; B is 0 where the number of the column exceeds that of the row. Slices show
@@ -598,7 +597,7 @@ def write_watched(watched: FloatArray, of_state: FloatArray) -> None:
 
 
 @kernel
-def follow(
+def follow_segment(
     step: Callable[..., bool],
     prepare: Callable[..., None],
     state: FilterState,
@@ -645,7 +644,7 @@ def follow(
                 move_alone(step, state, columns, late, arrays, own)
             steps = steps_at(arrays.pace, x[at_position], x[at_speed], own[0], int(substeps[i - 1]))
             interval = u[i - 1], own, steps, sigma[i - 1], lags[i - 1]
-            if not move_columns(step, state, columns, interval, arrays):
+            if not move_wide_columns(step, state, columns, interval, arrays):
                 return i
         errors[row] = np.nan
         corrected = False
@@ -661,7 +660,7 @@ def follow(
         if deviations.shape[0] > 0:
             deviations[row] = np.nan
             if corrected:
-                state_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
+                first_deviations(state.S, state.T, arrays.derived.slopes, deviations[row], arrays.scratch.w)
                 add_considered(state, arrays.derived.slopes, deviations[row])
         if watched.shape[0] > 0:
             write_watched(watched[row], state.S[settings.at_watched])

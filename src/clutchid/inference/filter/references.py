@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.filter.setup import FilterState, IntArray
+from clutchid.inference.filter.setup import FilterState
 from clutchid.inference.uncertainty.coordinates import Coordinate
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.stiffness import TOP_SPEED

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.log import FloatArray
+from clutchid.log import FloatArray, IntArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels
@@ -26,8 +26,6 @@ from clutchid.simulation.run import Columns, start_sensitivities, start_state
 from clutchid.simulation.sensors import lag_coefficients
 from clutchid.simulation.stiffness import Pace
 from clutchid.simulation.windows import Track
-
-IntArray: TypeAlias = NDArray[np.int64]
 
 
 class ModelArrays(NamedTuple):
@@ -66,7 +64,7 @@ class Intervals(NamedTuple):
 
 #: Columns of `sensors`, one row a sensor: row of its output in x, row of the state that it measures, columns in S of
 #: its lag and its offset, -1 if they are fixed.
-OUTPUT, STATE, LAG, OFFSET = 0, 1, 2, 3
+OUTPUT_ROW, STATE, LAG, OFFSET = 0, 1, 2, 3
 
 #: Share of the usual interval, up to rounding: in a longer one samples are missing.
 LONG = 1.5 * (1 + 1e-6)
@@ -78,7 +76,7 @@ BESIDE = 4
 
 #: Columns of `numbers`, one row a free parameter: mean, width, whether it is positive, bounds in SI, bounds of theta;
 #: see `clutchid.inference.uncertainty.coordinates.Coordinate`.
-MEAN, WIDTH, POSITIVE, LOW, HIGH, LEAST, MOST = range(7)
+MEAN, PRIOR_WIDTH, POSITIVE, BOUND_LOW, BOUND_HIGH, LEAST, MOST = range(7)
 
 #: Columns of `places`, one row a free parameter, -1 for none: its load weight, its place among the parameters, the
 #: sensor whose lag it is, the sensor whose offset it is.
@@ -124,10 +122,11 @@ class FilterState(NamedTuple):
     load weights, of which number `first` (1,) is the first, and for those of the sensors; see `transition`. Without
     columns in `moved`, S itself moves. To write a state, write its arrays: a filter goes on from them bit by bit.
 
-    A correction that is under way, see `recursion.follow`, is that of an earlier sample: its x, columns that had moved,
-    noise, window and measurements are `at_x`, `at_moved`, `at_waiting`, `at_first` and `at_values` (sensors,). `due`
-    (1,) is 0 without one, else 1, with `ADAPTS` if it corrects the parameters too and `WEARS` if T gains drift. `wear`
-    (1,) counts the columns of drift that T has still to gain for strokes that have ended, see `recursion.add_drift`.
+    A correction that is under way, see `recursion.follow_segment`, is that of an earlier sample: its x, columns that
+    had moved, noise, window and measurements are `at_x`, `at_moved`, `at_waiting`, `at_first` and `at_values`
+    (sensors,). `due` (1,) is 0 without one, else 1, with `ADAPTS` if it corrects the parameters too and `WEARS` if T
+    gains drift. `wear` (1,) counts the columns of drift that T has still to gain for strokes that have ended, see
+    `recursion.add_drift`.
 
     What is not known and does not adapt is considered: `E` (size, c) are the derivatives of the error of x with fixed
     parameters with respect to c such parameters, in their standard deviations, and `G` (k, c) those of the error of
@@ -212,7 +211,7 @@ class SettingsArrays(NamedTuple):
 class FilterArrays(NamedTuple):
     """Arrays of a filter besides its state, which its caller makes once.
 
-    `sensors` are rows of `OUTPUT` to `OFFSET`; `pace` has the integration steps by position and speed, see
+    `sensors` are rows of `OUTPUT_ROW` to `OFFSET`; `pace` has the integration steps by position and speed, see
     `joint_parameters.steps_at`.
     """
 

@@ -11,8 +11,8 @@ next one.
 from __future__ import annotations
 
 from clutchid.codegen.kernels import kernel
-from clutchid.inference.filter.setup import FilterState, IntArray, Window
-from clutchid.log import FloatArray
+from clutchid.inference.filter.setup import FilterState, Window
+from clutchid.log import FloatArray, IntArray
 
 
 @kernel

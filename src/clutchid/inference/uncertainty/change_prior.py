@@ -20,7 +20,7 @@ from clutchid.parameters import GROUPS, Parameters, Row, in_order
 
 #: Standard deviations of the change of parameters in one direction: shares of their values, or in their unit where they
 #: may be 0.
-Direction = Mapping[str, float]
+ChangeDirection = Mapping[str, float]
 
 #: Groups that have changed; none of them if nothing has.
 Hypothesis = tuple[str, ...]
@@ -48,10 +48,10 @@ def prior_probability() -> dict[str, float]:
     return {group: sum(o for h, o in odds.items() if group in h) / sum(odds.values()) for group in GROUPS}
 
 
-def directions(rows: Mapping[str, Row], group: str) -> tuple[Direction, ...]:
+def directions(rows: Mapping[str, Row], group: str) -> tuple[ChangeDirection, ...]:
     """Directions in which the parameters of a group change, independent of each other: joint ones first."""
     joint: dict[str, dict[str, float]] = {}
-    alone: list[Direction] = []
+    alone: list[ChangeDirection] = []
     for name, row in rows.items():
         for change in row.changes:
             if change.group == group and change.along:

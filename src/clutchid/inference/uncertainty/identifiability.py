@@ -57,8 +57,9 @@ def _combinations(R: FloatArray, names: Sequence[str]) -> list[str]:
     if len(group) < 3:
         return []
     return [
-        f"only combinations of {listed(group)} are identifiable from this recording: they can change together without "
-        "changing the simulation; fix some of them, because their individual values and intervals are meaningless."
+        f"only combinations of {in_words(group)} are identifiable from this recording: they can change together "
+        "without changing the simulation; fix some of them, because their individual values and intervals are "
+        "meaningless."
     ]
 
 
@@ -88,7 +89,7 @@ def correlations(R: FloatArray) -> FloatArray:
 def _not_identifiable(names: list[str], actuator: Actuator, reach: float) -> list[str]:
     if not names:
         return []
-    text = f"the recording contains no information about {listed(names)}"
+    text = f"the recording contains no information about {in_words(names)}"
     begun = np.abs(actuator.load.phi(np.linspace(0.0, reach, 101))).max(axis=0) > 0.0
     acts = dict(zip(actuator.load.names, begun.tolist(), strict=True))
     if not any(acts.get(name, True) for name in names):
@@ -118,6 +119,6 @@ def _correlated(
     return warnings
 
 
-def listed(names: Sequence[str]) -> str:
+def in_words(names: Sequence[str]) -> str:
     """Names in a sentence: ``a``, ``a and b``, ``a, b and c``."""
     return "".join(names) if len(names) < 2 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -14,7 +14,7 @@ from clutchid.log import FloatArray
 _BISECTIONS = 24
 
 #: Standard deviations beyond all means between which a quantile is searched.
-BEYOND = 8.0
+_BEYOND = 8.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +85,7 @@ class Mixture:
         """Quantiles of the n mixtures of normal distributions with means and standard deviations of shape (n, h)."""
         from scipy.special import ndtr
 
-        low, high = np.min(mean - BEYOND * std, axis=1), np.max(mean + BEYOND * std, axis=1)
+        low, high = np.min(mean - _BEYOND * std, axis=1), np.max(mean + _BEYOND * std, axis=1)
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             below = ndtr((middle[:, None] - mean) / std) @ self.weights < level

@@ -13,7 +13,7 @@ from clutchid.log import INPUTS, FloatArray, Log
 
 #: Limits in s of the time since a valve was last switched that define the groups. Errors are largest in the first
 #: milliseconds, where a valve that opens one sample late changes the pressure by tenths of a bar.
-SINCE = (0.003, 0.006, 0.01, 0.02, 0.03, 0.05, 0.1)
+_SINCE = (0.003, 0.006, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 #: A duty cycle of an on/off valve is this close to 0 or 1, in at least this fraction of the samples.
 _ON_OFF_TOLERANCE, _ON_OFF_SHARE = 0.02, 0.95
@@ -25,7 +25,7 @@ def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: floa
     .. math:: |p_A - \hat p_A| \le q_g, \quad q_g \text{ the } \lceil (n_g + 1) \, level \rceil \text{-th smallest of }
               n_g \text{ known errors in group } g
 
-    Samples are grouped by whether the supply valve is on and by the time since it was last switched, `SINCE`. This is
+    Samples are grouped by whether the supply valve is on and by the time since it was last switched, `_SINCE`. This is
     split conformal prediction: its only assumption is that the other recordings contain similar strokes. It treats
     samples as independent; with few strokes the interval itself is uncertain.
 
@@ -100,7 +100,7 @@ def _group(log: Log) -> NDArray[np.int64]:
     last = np.searchsorted(switched, log.time, side="right") - 1
     since = np.where(last >= 0, log.time - switched[np.maximum(last, 0)] if switched.size else 0.0, np.inf)
     # a sample at a limit belongs to the later group, irrespective of rounding
-    return np.searchsorted(np.array(SINCE) - 1e-9, since, side="right") + (len(SINCE) + 1) * on
+    return np.searchsorted(np.array(_SINCE) - 1e-9, since, side="right") + (len(_SINCE) + 1) * on
 
 
 def _check_switched(log: Log) -> None:

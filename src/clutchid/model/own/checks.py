@@ -36,7 +36,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _TAKEN = ("load", "auto", "time", "f_l", "y_measured", "p_A_measured", "y_start", "p_A_start")
 
 
-def check(model: OwnModel) -> None:
+def check_own_model(model: OwnModel) -> None:
     """Refuse a model whose names, units or equations do not fit.
 
     Raises

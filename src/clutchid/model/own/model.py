@@ -75,9 +75,9 @@ class OwnModel:
     file: str = ""
 
     def __post_init__(self) -> None:
-        from clutchid.model.own.checks import check
+        from clutchid.model.own.checks import check_own_model
 
-        check(self)
+        check_own_model(self)
         for key in ("parameters", "states", "terms", "rates"):
             object.__setattr__(self, key, dict(getattr(self, key)))
         object.__setattr__(self, "without", tuple(self.without))

@@ -10,7 +10,7 @@ from clutchid.parameters import Adapting, Drift, Freed, GroupChange, Row, Spread
 #: Defaults of a new state relative to its scale: process noise over 0.1 s, standard deviation at a vented start and at
 #: any other, and a large rate in 1/s. They are those of the deflection z of the seals.
 _LIKE = STATES["z"]
-NOISE, START, _UNKNOWN_START, _FAST = (
+_NOISE, _START, _UNKNOWN_START, _FAST = (
     value / _LIKE.scale for value in (_LIKE.noise, _LIKE.start, _LIKE.unknown_start, _LIKE.fast)
 )
 
@@ -105,8 +105,8 @@ class OwnState:
             meaning=self.meaning,
             column=f"{name} [{self.unit}]",
             scale=self.scale,
-            noise=NOISE * self.scale if self.noise is None else self.noise,
-            start=START * self.scale,
+            noise=_NOISE * self.scale if self.noise is None else self.noise,
+            start=_START * self.scale,
             unknown_start=_UNKNOWN_START * self.scale,
             starts_at=self.start,
             fast=_FAST * self.scale,

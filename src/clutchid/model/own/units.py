@@ -81,7 +81,7 @@ def dimension_of(unit: str) -> Dimension:
     return tuple(total)
 
 
-def shown(dimension: Dimension) -> str:
+def _shown(dimension: Dimension) -> str:
     """A unit for the exponents of kg, m, s and K."""
     if dimension is None:
         return "any unit"
@@ -89,7 +89,7 @@ def shown(dimension: Dimension) -> str:
     return named or "·".join(f"{unit}^{power}" for unit, power in zip(_BASE, dimension, strict=True) if power)
 
 
-def unit_of(value: Expr, units: Mapping[str, Dimension]) -> Dimension:
+def _unit_of(value: Expr, units: Mapping[str, Dimension]) -> Dimension:
     """The unit of an expression of symbols with the `units` by name; numbers but 0 have the unit 1.
 
     Raises
@@ -118,14 +118,14 @@ def _condition_or_unit(value: Expr, units: Mapping[str, Dimension]) -> Dimension
     """The unit of a part; conditions are checked and fit every unit."""
     if isinstance(value, sp.functions.elementary.piecewise.ExprCondPair):
         _condition_or_unit(value.cond, units)
-        return unit_of(value.expr, units)
+        return _unit_of(value.expr, units)
     if isinstance(value, sp.logic.boolalg.Boolean) and not value.is_Symbol:
         for part in value.args if isinstance(value, sp.logic.boolalg.BooleanFunction) else ():
             _condition_or_unit(part, units)
         if isinstance(value, sp.core.relational.Relational):
-            unit_of(value, units)
+            _unit_of(value, units)
         return None
-    return unit_of(value, units)
+    return _unit_of(value, units)
 
 
 def _power(value: Expr, parts: list[Dimension]) -> Dimension:
@@ -142,7 +142,7 @@ def _common(value: Expr, parts: list[Dimension]) -> Dimension:
     for part, unit in terms[1:]:
         if unit != terms[0][1]:
             raise ValueError(
-                f"{value} combines {_term(terms[0][0])} [{shown(terms[0][1])}] with {_term(part)} [{shown(unit)}]"
+                f"{value} combines {_term(terms[0][0])} [{_shown(terms[0][1])}] with {_term(part)} [{_shown(unit)}]"
             )
     return terms[0][1] if terms else None
 
@@ -153,7 +153,7 @@ def _term(part: Expr) -> str:
 
 def _demand_number(value: Expr, unit: Dimension) -> None:
     if unit is not None and any(unit):
-        raise ValueError(f"{value} needs a number without unit, it has [{shown(unit)}]")
+        raise ValueError(f"{value} needs a number without unit, it has [{_shown(unit)}]")
 
 
 def unit_problems(model: OwnModel, base: System) -> Iterator[str]:
@@ -179,12 +179,12 @@ def _fitting(
 ) -> tuple[Dimension, list[str]]:
     """The unit of `value`, and what is wrong with it; None where nothing can be said."""
     try:
-        unit = unit_of(value, units)
+        unit = _unit_of(value, units)
     except ValueError as error:
         return None, [f"{where}: the units do not fit: {error}."]
     if unit is None or expected is None or unit == expected:
         return unit, []
-    return unit, [f"{where}: the expression is in {shown(unit)}; {shown(expected)} is needed."]
+    return unit, [f"{where}: the expression is in {_shown(unit)}; {_shown(expected)} is needed."]
 
 
 def _per_second(unit: Dimension) -> Dimension:

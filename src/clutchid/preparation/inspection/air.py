@@ -25,7 +25,7 @@ _LOWEST = 0.5
 _HIGHEST = 2.0
 
 #: A vented chamber's pressure is ambient within this factor: altitude, weather and the sensor's offset.
-NEAR = 1.5
+_NEAR = 1.5
 
 #: Least pressure range of a stroke as a fraction of the supply gauge pressure: without a stroke no unit is proposed.
 STROKE = 0.125
@@ -44,7 +44,7 @@ def pressure_unit(reading: InspectedRecording) -> Check:
         return Check(_PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
     written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
     base = float(reading.log.metadata.get("ambient_Pa", p.P_0)) if written.gauge else 0.0
-    if written.gauge and low > NEAR * p.P_0 and 1 / NEAR < (low - base) / p.P_0 < NEAR:
+    if written.gauge and low > _NEAR * p.P_0 and 1 / _NEAR < (low - base) / p.P_0 < _NEAR:
         return Check(_PRESSURE_UNIT, f"{value} Pa", "suspect", _absolute(reading.log.metadata[UNIT_KEY], low, base))
     stroke = STROKE * (p.P_S - p.P_0)
     flat = reading.travels and high - low < stroke
@@ -99,7 +99,7 @@ def _plausible(low: float, high: float, ambient: float, supply: float) -> bool:
     return _LOWEST * ambient < low and ambient < 1.5 * high and high < _HIGHEST * supply
 
 
-VENTED_PRESSURE = "vented pressure"
+_VENTED_PRESSURE = "vented pressure"
 
 
 def vented(reading: InspectedRecording) -> Check:
@@ -107,9 +107,9 @@ def vented(reading: InspectedRecording) -> Check:
     pressure = vented_pressure(reading.log)
     shown = _with_std(*(pressure or vented_prior(reading.log))[:2])
     if pressure is not None:
-        return Check(VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
+        return Check(_VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
     sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {remedy([reading.log])}."
-    return Check(VENTED_PRESSURE, "not settled", "undetermined", sentence)
+    return Check(_VENTED_PRESSURE, "not settled", "undetermined", sentence)
 
 
 def _with_std(mean: float, std: float) -> str:
@@ -119,16 +119,16 @@ def _with_std(mean: float, std: float) -> str:
 _SUPPLY_PRESSURE = "supply pressure"
 
 #: Opening from which the supply valve counts as fully open.
-OPEN = 0.9
+_OPEN = 0.9
 
 #: Length in s of the final part that must be flat, and least number of samples in it.
-_END, FEWEST = 0.03, 4
+_END, _FEWEST = 0.03, 4
 
 #: Largest remaining flow, as a fraction of the choked flow, of a full chamber: within 1 % of the supply pressure.
 _TRICKLE = 0.05
 
 #: Relative difference between the supply pressure of the vehicle and of the actuator that a fit tolerates.
-TOLERANCE = 0.02
+_TOLERANCE = 0.02
 
 
 def supply_pressure(reading: InspectedRecording) -> Check:
@@ -149,7 +149,7 @@ def supply_pressure(reading: InspectedRecording) -> Check:
     pressure = reading.log["pressure_a"]
     least = float(np.nanquantile(pressure, 0.999)) - 3 * float(np.nan_to_num(reading.noises["pressure_a"]))
     value = f"at least {least * 1e-5:.3g} bar"
-    if least > (1 + TOLERANCE) * nominal:
+    if least > (1 + _TOLERANCE) * nominal:
         sentence = (
             f"the chamber reaches {least * 1e-5:.3g} bar, more than the supply pressure of the actuator, "
             f"{nominal * 1e-5:.3g} bar: a fit would underestimate the air flow; set P_S in the start file, or "
@@ -166,7 +166,7 @@ def supply_pressure(reading: InspectedRecording) -> Check:
 def _compared(implied: float, count: int, nominal: float) -> Check:
     value = f"{implied * 1e-5:.3g} bar ({count} plateau{'' if count == 1 else 's'})"
     facts = f"an open supply valve fills the chamber to {implied * 1e-5:.3g} bar"
-    if abs(implied - nominal) <= TOLERANCE * nominal:
+    if abs(implied - nominal) <= _TOLERANCE * nominal:
         return Check(_SUPPLY_PRESSURE, value, "good", f"{facts}, the actuator has {nominal * 1e-5:.3g} bar.")
     grade: Grade = "suspect"
     sentence = (
@@ -179,7 +179,7 @@ def _compared(implied: float, count: int, nominal: float) -> Check:
 def _plateaus(reading: InspectedRecording) -> FloatArray:
     """Pressure in Pa at the end of each interval in which the open supply valve has filled the chamber."""
     p, log = reading.actuator.parameters, reading.log
-    first, stop = run_ends((reading.supply >= OPEN) & (reading.exhaust <= 0))
+    first, stop = run_ends((reading.supply >= _OPEN) & (reading.exhaust <= 0))
     choked = p.rho_0 * p.C_vs * p.P_S * p.R * p.T_0
     # the pressure is also constant while the chamber volume grows: wait until the full volume could have been filled
     fill = p.P_S * (p.V_0A + p.A_A * p.y_max) / choked if choked > 0 else np.inf
@@ -192,7 +192,7 @@ def _plateaus(reading: InspectedRecording) -> FloatArray:
         pressure = log["pressure_a"][end]
         content = pressure * (p.V_0A if volume is None else volume[end])
         finite = np.isfinite(content)
-        if finite.sum() < FEWEST:
+        if finite.sum() < _FEWEST:
             continue
         flow = float(np.polyfit(log.time[end][finite] - log.time[begin], content[finite], 1)[0])
         if abs(flow) < _TRICKLE * choked:

@@ -14,7 +14,7 @@ from clutchid.strokes.values import Fault
 from clutchid.strokes.vented_rest import ZeroedLog
 
 #: A constant run counts as saturation above this multiple of the longest usual run, and above this number of samples.
-_LONGER, SHORTEST = 5, 5
+_LONGER, _SHORTEST = 5, 5
 
 
 def saturation(reading: InspectedRecording, name: str) -> Check:
@@ -31,7 +31,7 @@ def saturation(reading: InspectedRecording, name: str) -> Check:
         at = runs.value == level
         usual = runs.longest((runs.value != low) & (runs.value != high), LEFT_OUT)
         longest = runs.longest(at)
-        if longest > max(_LONGER * usual, SHORTEST):
+        if longest > max(_LONGER * usual, _SHORTEST):
             cut.append((level, side, _total(runs, level, _LONGER * usual) * reading.step, longest))
     if not cut:
         value = f"{shown(low, name)} to {shown(high, name)}"
@@ -65,13 +65,13 @@ def _longest(reading: InspectedRecording, name: str, level: float) -> tuple[floa
 
 
 #: Shortest time in s that counts as stuck: shorter ones are lost messages, which a logger fills with the last value.
-LEAST = 0.05
+_LEAST = 0.05
 
 #: Fraction of the reach next to each end in which the piston may stand still.
 _NEAR_END = 0.2
 
 #: Factor by which supply pressure, dead volume and load may lengthen the time until the piston moves.
-PATIENCE = 2.0
+_PATIENCE = 2.0
 
 
 def stuck(reading: InspectedRecording, name: str) -> Check:
@@ -105,7 +105,7 @@ def _frozen(reading: InspectedRecording, name: str) -> list[tuple[float, float]]
     runs, ends, time = reading.runs[name], reading.ends[name], reading.log.time
     inner = (runs.value != ends.low) & (runs.value != ends.high)
     usual = runs.longest(inner, LEFT_OUT)
-    long = inner & (runs.length > _LONGER * usual) & (runs.length * reading.step > LEAST)
+    long = inner & (runs.length > _LONGER * usual) & (runs.length * reading.step > _LEAST)
     return [(float(time[a]), float(time[a + n - 1])) for a, n in zip(runs.start[long], runs.length[long], strict=True)]
 
 
@@ -128,7 +128,7 @@ def _unmoved(reading: InspectedRecording) -> tuple[list[tuple[float, float]], in
         opened = np.concatenate([[0.0], np.cumsum(reading.supply if supply else reading.exhaust)]) * reading.step
         starts, stops = reading.open_alone(supply)
         # pulse edges are known to one sample only
-        long = np.flatnonzero(opened[stops] - opened[starts] > PATIENCE * needed + 2 * reading.step)
+        long = np.flatnonzero(opened[stops] - opened[starts] > _PATIENCE * needed + 2 * reading.step)
         for i in long[spread_over(long.size)]:
             part = _finite(y[starts[i] : stops[i]])
             # a piston that never moved is at the vented end
@@ -158,10 +158,10 @@ def _joined(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
 _DITHER = 2.0
 
 #: A step below this fraction of the friction does not matter, with or without noise.
-SMALL = 0.1
+_SMALL = 0.1
 
 #: Least number of steps in the narrowest knot interval of the load curve, and from ambient to supply pressure.
-PER_INTERVAL, _PER_RANGE = 4, 40
+_PER_INTERVAL, _PER_RANGE = 4, 40
 
 
 def quantisation(reading: InspectedRecording, name: str) -> Check:
@@ -170,7 +170,7 @@ def quantisation(reading: InspectedRecording, name: str) -> Check:
     A step is harmless if noise dithers it, or if it is small compared with the friction: for the position with the seal
     deflection before sliding, F_C / K_z, for the pressure with F_C / A_A.
 
-    A knot interval of the load curve with fewer than `PER_INTERVAL` steps cannot be fitted.
+    A knot interval of the load curve with fewer than `_PER_INTERVAL` steps cannot be fitted.
     """
     title, p = f"quantisation of {name}", reading.actuator.parameters
     step, noise = reading.quanta[name], reading.noises[name]
@@ -179,10 +179,10 @@ def quantisation(reading: InspectedRecording, name: str) -> Check:
     narrowest = float(np.diff(reading.actuator.load.knots).min())
     of_position = name == "position"
     friction = p.F_C / (p.K_z if of_position else p.A_A)
-    most = narrowest / PER_INTERVAL if of_position else (p.P_S - p.P_0) / _PER_RANGE
+    most = narrowest / _PER_INTERVAL if of_position else (p.P_S - p.P_0) / _PER_RANGE
     undithered = not (math.isfinite(noise) and step <= _DITHER * noise)
     grade: Grade = "good"
-    if undithered and step > SMALL * friction:
+    if undithered and step > _SMALL * friction:
         grade = "bad" if step > most else "suspect"
     value = f"{_fine(step, name)}, noise {_fine(noise, name)}"
     if grade == "good":
@@ -205,17 +205,17 @@ def _fine(value: float, name: str) -> str:
 MOTION = "motion"
 
 #: A duty cycle that never exceeds this in a recording with motion is a fraction that was read as per cent.
-FRACTION = 0.0101
+_FRACTION = 0.0101
 
 #: Least reach of the piston as a fraction of its stroke, and length of a recording in s: half of a fast stroke.
-REACH, LONG = 0.02, 0.2
+_REACH, _LONG = 0.02, 0.2
 
 
 def motion(reading: InspectedRecording) -> Check:
     """Whether the recording is long enough for a fit, the piston moves far enough, and a valve moves it."""
     log = reading.log
     length = float(log.time[-1] - log.time[0]) if len(log) else 0.0
-    if "position" not in reading.measured or length < LONG:
+    if "position" not in reading.measured or length < _LONG:
         count = f"{int(np.isfinite(log['position']).sum()):,}"
         sentence = (
             f"the position has {count} samples in {length:.3g} s, less than a stroke, so nothing can be fitted; record "
@@ -225,7 +225,7 @@ def motion(reading: InspectedRecording) -> Check:
     low, high = reading.extent
     reach = high - low
     value = f"{shown(reach, 'position')} in {length:.3g} s"
-    if reach <= max(REACH * reading.actuator.parameters.y_max, reading.blur("position")):
+    if reach <= max(_REACH * reading.actuator.parameters.y_max, reading.blur("position")):
         sentence = (
             f"the position changes by {shown(reach, 'position')} only, so nothing can be learned about the load; "
             "record strokes, and check the channel and the unit of the position."
@@ -237,7 +237,7 @@ def motion(reading: InspectedRecording) -> Check:
             "channels for duty_supply and duty_exhaust."
         )
         return Check(MOTION, value, "bad", sentence)
-    closed = [name for name in INPUTS if reading.driven and 0.0 < np.fmax.reduce(log[name], initial=0.0) <= FRACTION]
+    closed = [name for name in INPUTS if reading.driven and 0.0 < np.fmax.reduce(log[name], initial=0.0) <= _FRACTION]
     if closed:
         sentence = (
             f"the piston moves, but {' and '.join(closed)} never exceeds 1 %, which opens no valve: the values seem to "
@@ -254,7 +254,7 @@ def _is_constant(values: FloatArray) -> bool:
 
 #: Reach below this share of the stroke that an open valve contradicts, and how many times longer half a stroke takes
 #: than its first tenth: virtual trucks of both families do 0.60 to 0.85 of it in 3.5 to 5 such times.
-SHORT, _HALF_A_STROKE = 0.15, 3.0
+_SHORT, _HALF_A_STROKE = 0.15, 3.0
 
 
 def position_range(reading: InspectedRecording) -> Check:
@@ -263,7 +263,7 @@ def position_range(reading: InspectedRecording) -> Check:
     low, high = reading.extent
     value = f"{shown(low, 'position')} to {shown(high, 'position')}"
     sentences, alien = outside_stroke(log, reading.actuator.parameters.y_max)
-    if not sentences and high - low < SHORT * reading.actuator.parameters.y_max and _passes_half_a_stroke(reading):
+    if not sentences and high - low < _SHORT * reading.actuator.parameters.y_max and _passes_half_a_stroke(reading):
         sentence = (
             f"the position ranges from {value} only, although the supply valve is open long enough for half of the "
             f"stroke of {shown(reading.actuator.parameters.y_max, 'position')}; check its unit, which may be ten times "
@@ -287,7 +287,7 @@ def _passes_half_a_stroke(reading: InspectedRecording) -> bool:
 SIGN = "sign of position"
 
 #: Time in s for which motion continues after a valve has closed.
-AFTER = 0.02
+_AFTER = 0.02
 
 #: The sign is right if the net fraction of the motion in the expected direction is above this, wrong if below minus it.
 _CLEAR = 0.5
@@ -326,7 +326,7 @@ def _moved(reading: InspectedRecording, supply: bool) -> FloatArray:
     starts, stops = reading.open_alone(supply)
     chosen = spread_over(starts.size)
     y, last = reading.log["position"], len(reading.log) - 1
-    after = np.minimum(stops[chosen] - 1 + round(AFTER / reading.step), last)
+    after = np.minimum(stops[chosen] - 1 + round(_AFTER / reading.step), last)
     change = y[after] - y[starts[chosen]]
     return change[np.isfinite(change) & (np.abs(change) > reading.blur("position"))]
 

@@ -20,7 +20,7 @@ from clutchid.simulation.plan import plan
 from clutchid.simulation.run import KernelArrays, run, start_state
 from clutchid.simulation.stiffness import stiffness
 from clutchid.strokes.duty_cycle import duty_grid, on_off
-from clutchid.strokes.sampled import IntArray, Runs, constant_runs, noise, quantum, run_ends
+from clutchid.strokes.sampled import IndexArray, Runs, constant_runs, noise, quantum, run_ends
 
 #: "suspect": a fit is possible, but check the recording; "bad": a fit would be wrong; "undetermined": not enough data.
 Grade = Literal["good", "suspect", "bad", "undetermined"]
@@ -101,16 +101,16 @@ class Inspection:
 
 
 #: Measured columns that are checked one by one, their unit in messages, and the factor from SI to it.
-MEASURED = {"position": ("mm", 1e3), "pressure_a": ("bar", 1e-5)}
+_MEASURED = {"position": ("mm", 1e3), "pressure_a": ("bar", 1e-5)}
 
 #: Largest number of strokes, or of intervals with an open valve, that are evaluated.
-MOST = 200
+_MOST = 200
 
 #: No sensor is better than this fraction of its range: with less noise, the values were computed.
-COMPUTED = 1e-5
+_COMPUTED = 1e-5
 
 #: Quantile of the time between changes of the position that gives its update interval, and least number of changes.
-FAST, FEWEST = 0.1, 50
+_FAST, _FEWEST = 0.1, 50
 
 #: Least travel over the load, as a share of the stroke.
 _TRAVELS = 0.3
@@ -145,7 +145,7 @@ class InspectedRecording:
             return self.step
         changes = np.flatnonzero(np.diff(self.log["position"]) != 0)
         # a coarsely quantised position repeats values too, but in fast motion it changes with every new value
-        return self.step * float(np.quantile(np.diff(changes), FAST)) if changes.size > FEWEST else self.step
+        return self.step * float(np.quantile(np.diff(changes), _FAST)) if changes.size > _FEWEST else self.step
 
     @cached_property
     def driven(self) -> bool:
@@ -194,7 +194,7 @@ class InspectedRecording:
     def noisy(self, name: str) -> bool:
         """Whether the noise of a measured column exceeds its quantisation, so that repeated values are significant."""
         low, high = self.ends[name]
-        return self.noises[name] > COMPUTED * (high - low) and self.quanta[name] <= 2 * self.noises[name]
+        return self.noises[name] > _COMPUTED * (high - low) and self.quanta[name] <= 2 * self.noises[name]
 
     @cached_property
     def runs(self) -> Mapping[str, Runs]:
@@ -204,7 +204,7 @@ class InspectedRecording:
     @cached_property
     def measured(self) -> tuple[str, ...]:
         """Measured columns with at least two blocks of finite values."""
-        return tuple(name for name in MEASURED if name in self.log and np.isfinite(self.log[name]).sum() > 64)
+        return tuple(name for name in _MEASURED if name in self.log and np.isfinite(self.log[name]).sum() > 64)
 
     @cached_property
     def rate(self) -> float:
@@ -227,7 +227,7 @@ class InspectedRecording:
         degree: FloatArray = kernels(self.actuator.model).opening(self.log[name], low, high)
         return np.nan_to_num(degree)
 
-    def open_alone(self, supply: bool) -> tuple[IntArray, IntArray]:
+    def open_alone(self, supply: bool) -> tuple[IndexArray, IndexArray]:
         """First samples, and first after, of the intervals in which only one valve is open; pulses are merged."""
         opened, other = (self.supply, self.exhaust) if supply else (self.exhaust, self.supply)
         starts, stops = run_ends((opened > 0) & (other <= 0))
@@ -275,7 +275,7 @@ class InspectedRecording:
         return _first(time, up > tenth), _first(time, down < p.y_max - tenth)
 
 
-def spread_over(count: int, most: int = MOST) -> IntArray:
+def spread_over(count: int, most: int = _MOST) -> IndexArray:
     """At most `most` of the indices 0 ... `count` - 1, evenly spread.
 
     Examples
@@ -287,14 +287,14 @@ def spread_over(count: int, most: int = MOST) -> IntArray:
 
 
 def shown(value: float, name: str) -> str:
-    """A value of a measured column, given in SI, with the unit of `MEASURED`.
+    """A value of a measured column, given in SI, with the unit of `_MEASURED`.
 
     Examples
     --------
     >>> shown(4.5e5, "pressure_a")
     '4.5 bar'
     """
-    unit, scale = MEASURED[name]
+    unit, scale = _MEASURED[name]
     return f"{value * scale:.3g} {unit}"
 
 

@@ -11,12 +11,12 @@ from clutchid.log import HOLE, FloatArray
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 from clutchid.strokes.duty_cycle import CONTINUOUS_STEP
-from clutchid.strokes.sampled import IntArray, run_ends
+from clutchid.strokes.sampled import IndexArray, run_ends
 
 _SAMPLE_RATE = "sample rate"
 
 #: Least number of samples per stroke, and in the narrowest knot interval of the load curve.
-_PER_STROKE, PER_INTERVAL = 4, 1
+_PER_STROKE, _PER_INTERVAL = 4, 1
 
 #: Sample rate in Hz at which all changes of duty cycles are recorded, see
 #: `clutchid.strokes.duty_cycle.is_slow`.
@@ -43,7 +43,7 @@ def sample_rate(reading: InspectedRecording) -> Check:
     grade: Grade = "good"
     if _PER_STROKE * travel > p.y_max:
         grade = "bad"
-    elif PER_INTERVAL * travel > narrowest or step > CONTINUOUS_STEP:
+    elif _PER_INTERVAL * travel > narrowest or step > CONTINUOUS_STEP:
         grade = "suspect"
     rate = f"{1 / step:.4g} Hz"
     repeated = "" if step < 1.5 * reading.step else f", repeated at {1 / reading.step:.4g} Hz"
@@ -51,12 +51,12 @@ def sample_rate(reading: InspectedRecording) -> Check:
         f"the fastest mode of the model is {reading.rate:.3g} 1/s ({steps} integration step{'' if steps == 1 else 's'} "
         f"per sample), and at {TOP_SPEED:g} m/s the piston travels {travel * 1e3:.3g} mm between two samples"
     )
-    needed = max(TOP_SPEED * PER_INTERVAL / narrowest, _LEAST_RATE)
+    needed = max(TOP_SPEED * _PER_INTERVAL / narrowest, _LEAST_RATE)
     unit = ", or write the unit of the time as ms if the stamps count milliseconds" if step >= _SLOW else ""
     knots = f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm)"
     advice = {
         "good": "",
-        "suspect": f"{knots if PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the "
+        "suspect": f"{knots if _PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the "
         "samples, at times that are not recorded, so that a load is smoothed and shifted, and its trust 'with care' at "
         f"best; record at {needed:.4g} Hz or more.",
         "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
@@ -86,10 +86,10 @@ _TIME_SHIFT = "time shift"
 _FEWEST_STROKES = 3
 
 #: Largest lag of a position sensor in s.
-LAG = 2e-3
+_LAG = 2e-3
 
 #: Largest delay of a switched valve until it is half open, as a fraction of its period; usual period in s, 100 Hz.
-_VALVE, PERIOD = 0.2, 0.01
+_VALVE, _PERIOD = 0.2, 0.01
 
 #: Relative change of the start delay if supply pressure, dead volume, mass and valve together differ by 30 % from the
 #: model: it depends on their third root.
@@ -116,7 +116,7 @@ def time_shift(reading: InspectedRecording) -> Check:
     count, total = int(moved.sum()), moves.measured.size
     if total >= _FEWEST_STROKES and 2 * count < total:
         sentence = (
-            f"in {total - count} of {total} strokes the piston does not move within {AFTER * 1e3:g} ms after the "
+            f"in {total - count} of {total} strokes the piston does not move within {_AFTER * 1e3:g} ms after the "
             "supply valve opens fully: the time axes, the sign or the unit of the position are wrong, so a fit cannot "
             "estimate the load; check that the channels belong together."
         )
@@ -171,36 +171,36 @@ def _allowed(reading: InspectedRecording, spread: float, usual: float) -> Allowe
     # times its mean speed there
     rounding = reading.quanta["position"] / (3 * least_travel(reading) / usual)
     either = math.hypot(force, reading.update_interval, rounding, _ALIKE * usual)
-    valve = 0.0 if p.T_pwm > 0 else _VALVE * (reading.carrier_period or PERIOD) / 2
-    lag = 0.0 if p.tau_y else LAG / 2
+    valve = 0.0 if p.T_pwm > 0 else _VALVE * (reading.carrier_period or _PERIOD) / 2
+    lag = 0.0 if p.tau_y else _LAG / 2
     # a change off the time grid takes effect with the next period of the carrier, after up to one period
     wait = 0.0 if reading.duty_period > 0.0 else math.sqrt(3 * max(0.0, spread**2 - reading.update_interval**2 / 12))
     return Allowed(either, valve + lag + wait + math.hypot(either, valve, lag))
 
 
 #: Time in s for which the supply valve must be closed before a stroke. The rest level comes from the part that ends
-#: `BEFORE` s before the command, so that motion with an early time stamp is detected.
-CLOSED, BEFORE = 0.25, 0.1
+#: `_BEFORE` s before the command, so that motion with an early time stamp is detected.
+_CLOSED, _BEFORE = 0.25, 0.1
 
 #: Motion is searched for until this time in s after the command.
-AFTER = 0.2
+_AFTER = 0.2
 
 #: Least number of samples for the rest level.
 _FEWEST_SAMPLES = 3
 
 #: Least mean opening of the valve until the simulated piston moves; in a slower start the delay is not well defined.
-WIDE = 0.7
+_WIDE = 0.7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Starts:
+class StartTimes:
     """Time in s from the command to the first motion in each stroke: measured (NaN: none) and simulated."""
 
     measured: FloatArray
     simulated: FloatArray
 
 
-def starts(reading: InspectedRecording) -> Starts:
+def starts(reading: InspectedRecording) -> StartTimes:
     """Delays of all usable strokes, of a long recording at most `MOST` of them.
 
     Motion starts where the travel rises through `least_travel`.
@@ -211,8 +211,8 @@ def starts(reading: InspectedRecording) -> Starts:
     rows = []
     for k in commands[spread_over(commands.size)].tolist():
         now = float(log.time[k])
-        begin, end = (int(i) for i in np.searchsorted(log.time, (now - BEFORE, now + AFTER)))
-        rest = log["position"][int(np.searchsorted(log.time, now - CLOSED)) : begin]
+        begin, end = (int(i) for i in np.searchsorted(log.time, (now - _BEFORE, now + _AFTER)))
+        rest = log["position"][int(np.searchsorted(log.time, now - _CLOSED)) : begin]
         rest = rest[np.isfinite(rest)]
         if rest.size < _FEWEST_SAMPLES or not _resting(rest, reading.extent.low, least, reading.noisy("position")):
             continue
@@ -221,10 +221,10 @@ def starts(reading: InspectedRecording) -> Starts:
         time = window.time - now
         motion = _crossing(time, reading.simulated(window, 0.0, p.P_0), least)
         until = begin + int(np.searchsorted(time, np.nan_to_num(motion), side="right"))
-        if not motion > 0 or reading.supply[k:until].mean() < WIDE or reading.exhaust[k:until].any():
+        if not motion > 0 or reading.supply[k:until].mean() < _WIDE or reading.exhaust[k:until].any():
             continue
         rows.append((_crossing(time, window["position"] - np.median(rest), least), motion))
-    return Starts(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
+    return StartTimes(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
 
 
 def least_travel(reading: InspectedRecording) -> float:
@@ -242,19 +242,19 @@ def _resting(rest: FloatArray, bottom: float, least: float, noise: bool) -> bool
     return bool(still and abs(float(np.median(rest)) - bottom) <= 2 * least)
 
 
-def _commands(reading: InspectedRecording) -> IntArray:
-    """Samples at which the supply valve opens after `CLOSED` s, without missing inputs or holes around them."""
+def _commands(reading: InspectedRecording) -> IndexArray:
+    """Samples at which the supply valve opens after `_CLOSED` s, without missing inputs or holes around them."""
     time = reading.log.time
     first, stop = run_ends(reading.supply > 0)
-    ended = np.concatenate([[time[0] - CLOSED], time[stop[:-1] - 1]])[: first.size]
-    first = first[time[first] - ended > CLOSED]
+    ended = np.concatenate([[time[0] - _CLOSED], time[stop[:-1] - 1]])[: first.size]
+    first = first[time[first] - ended > _CLOSED]
     finite = np.isfinite(reading.log["duty_supply"]) & np.isfinite(reading.log["duty_exhaust"])
     finite[1:] &= np.diff(time) <= HOLE * reading.step
     unknown = np.concatenate([[0], np.cumsum(~finite)])
-    ahead = np.searchsorted(time, time[first] + AFTER)
-    behind = np.searchsorted(time, time[first] - CLOSED) + 1
+    ahead = np.searchsorted(time, time[first] + _AFTER)
+    behind = np.searchsorted(time, time[first] - _CLOSED) + 1
     whole = (ahead < time.size) & (unknown[ahead] == unknown[np.minimum(behind, time.size)])
-    result: IntArray = first[whole]
+    result: IndexArray = first[whole]
     return result
 
 

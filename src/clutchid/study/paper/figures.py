@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Below this speed in m/s the static estimate (25) is drawn.
-SLOW = 0.01
+SLOW_SPEED = 0.01
 
 _BALLISTIC = Line(STYLE.ink, "ballistic", 1.4, layer=2.5)
 _NUMBER = dict(zip((2, 4, 8, 16, 32), STYLE.ordered, strict=True))
@@ -88,7 +88,7 @@ def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
     """All estimated loads, the printed ones in their basis, and the static estimate (25)."""
     figure, axes = new_figure([2.6] * 4)
     actuator = cases[0].fit.actuator
-    static = static_estimate(log, actuator, SLOW)
+    static = static_estimate(log, actuator, SLOW_SPEED)
     y = np.linspace(0.0, actuator.parameters.y_max, 401)
     panels = [
         ("(a) N equal parts, p carried", _loads(chosen(cases, "ballistic", "parts"))),

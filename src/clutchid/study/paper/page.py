@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.documents.document import Bullets, Document, Markup, Notice, Picture, Section, Text
+from clutchid.documents.document import Bullets, Chapter, Document, Markup, Notice, Picture, Text
 from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.log import Log
-from clutchid.study.paper.figures import CLOSE, SLOW
+from clutchid.study.paper.figures import CLOSE, SLOW_SPEED
 from clutchid.study.paper.results import (
     Carry,
     Interpretation,
@@ -21,7 +21,7 @@ from clutchid.study.paper.results import (
     StudyResults,
     best_possible,
     load_error,
-    rows_of,
+    table_rows,
 )
 from clutchid.study.paper.tables import TABLE_2
 
@@ -54,22 +54,22 @@ def study_page(
     warnings = dict.fromkeys([*study.case(_BALLISTIC).fit.warnings, *study.verify_log.warnings])
     names = [*(f"{stem}.csv" for stem in made), *(f"figure_{number}.png" for number in figures)]
     sections = (
-        Section("Summary", (text("abstract"), bullets("findings"))),
-        Section("Method", (text("data"), *map(Notice, warnings), text("method"), text("resets"))),
-        Section("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
-        Section("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), text("table_1"))),
-        Section(
+        Chapter("Summary", (text("abstract"), bullets("findings"))),
+        Chapter("Method", (text("data"), *map(Notice, warnings), text("method"), text("resets"))),
+        Chapter("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
+        Chapter("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), text("table_1"))),
+        Chapter(
             "Errors on the first recording, Table 2",
             (made["table_2"], made["table_2_carry_q"], text("table_2"), figure(3), figure(4)),
         ),
-        Section(
+        Chapter(
             "Verification on the second recording",
             (made["verification"], text("verification"), figure(6), figure(7)),
         ),
-        Section("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
-        Section("Why the results differ from the paper", (text("differences"),)),
-        Section("Deviations from the printed equations", (bullets("deviations"),)),
-        Section("Files", (text("files", names),)),
+        Chapter("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
+        Chapter("Why the results differ from the paper", (text("differences"),)),
+        Chapter("Deviations from the printed equations", (bullets("deviations"),)),
+        Chapter("Files", (text("files", names),)),
     )
     logs = [log for log in (study.fit_log, study.verify_log) if "sha256" in log.metadata]
     return Document(
@@ -105,7 +105,7 @@ def bars(value: float | None) -> str:
 
 def _facts(study: StudyResults) -> dict[str, Any]:
     """Values in the words of the page."""
-    ballistic, rows = study.case(_BALLISTIC), rows_of(study.cases, "p")
+    ballistic, rows = study.case(_BALLISTIC), table_rows(study.cases, "p")
     fit, second = ballistic.fit, study.second
     error = np.abs(ballistic.fitted.simulated["position"] - ballistic.fitted.measured["position"])
     worst = int(np.nanargmax(error))
@@ -131,7 +131,7 @@ def _facts(study: StudyResults) -> dict[str, Any]:
         "ratios": {n: _ratios(study, n) for n in (2, 32)}, "reproducing": _reproducing(study),
         "spread": partial(_spread, study), "load_error": lambda case: study.truth and load_error(case, study.truth),
         "covered": lambda: _covered(study), "best_possible": best_possible, "length": _length,
-        "MM": MM, "BAR": BAR, "SLOW": SLOW, "CLOSE": CLOSE,
+        "MM": MM, "BAR": BAR, "SLOW": SLOW_SPEED, "CLOSE": CLOSE,
     }  # fmt: skip
 
 
@@ -162,7 +162,7 @@ def _reproducing(study: StudyResults) -> str:
     names = {"parts": "N equal parts", "every": "every N samples"}
     same = []
     for reading, words in names.items():
-        rows = [case for case in rows_of(study.cases, "p") if case.method.interpretation in ("ballistic", reading)]
+        rows = [case for case in table_rows(study.cases, "p") if case.method.interpretation in ("ballistic", reading)]
         if [case.method.number for case in sorted(rows, key=lambda case: case.ballistic.errors.position_sse)] == page:
             same.append(words)
     return " and with ".join(same) or "neither"

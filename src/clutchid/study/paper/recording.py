@@ -15,7 +15,7 @@ from clutchid.measurements import read
 _DATA = files("clutchid.study.paper") / "data"
 
 #: Metadata key with the name of the file of the true load.
-TRUTH = "true_load"
+_TRUTH = "true_load"
 
 #: Largest range of the position in m, and time in s, of a rest.
 REST_RANGE, _REST_TIME = 5e-4, 0.2
@@ -53,12 +53,12 @@ def bundled_recording() -> Log:
     """
     with as_file(_DATA / "truck1_calibration.csv") as path:
         log = read(path)
-    return replace(log, metadata={**log.metadata, TRUTH: "truck1_truth.json"})
+    return replace(log, metadata={**log.metadata, _TRUTH: "truck1_truth.json"})
 
 
 def true_load(log: Log) -> TrueLoad | None:
     """True load of `log`, known only for the bundled recording and its parts."""
-    name = log.metadata.get(TRUTH)
+    name = log.metadata.get(_TRUTH)
     if name is None:
         return None
     truth = json.loads((_DATA / name).read_text("utf-8"))

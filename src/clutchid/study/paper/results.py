@@ -25,7 +25,7 @@ Interpretation = Literal["ballistic", "parts", "every"]
 Carry = Literal["p", "q"]
 
 #: Called with a description of the current step and the completed fraction, from 0 to 1.
-Progress = Callable[[str, float], None]
+StudyProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class StudyResults:
         return next(case for case in self.cases if case.method == method)
 
 
-def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
+def find(fit_log: Log, verify_log: Log, progress: StudyProgress) -> StudyResults:
     """Compute the study: all fits, then pressures.
 
     Raises
@@ -110,13 +110,13 @@ def find(fit_log: Log, verify_log: Log, progress: Progress) -> StudyResults:
     """
     cases = all_cases(fit_log, verify_log, lambda text, part: progress(text, 0.6 * part))
     progress("pressure from the load", 0.6)
-    paired = rows_of(cases, "p")
+    paired = table_rows(cases, "p")
     first = {case.method: pressures(case.fit.actuator, case.ballistic) for case in paired}
     second = {case.method: pressures(case.fit.actuator, case.verified) for case in paired}
     return StudyResults(fit_log, verify_log, cases, true_load(fit_log), first, second)
 
 
-def all_cases(fit_log: Log, verify_log: Log, progress: Progress) -> tuple[Case, ...]:
+def all_cases(fit_log: Log, verify_log: Log, progress: StudyProgress) -> tuple[Case, ...]:
     """Every method on the two recordings.
 
     Raises
@@ -156,7 +156,7 @@ def chosen(cases: Sequence[Case], *interpretations: Interpretation, carry: Carry
     )
 
 
-def rows_of(cases: Sequence[Case], carry: Carry) -> tuple[Case, ...]:
+def table_rows(cases: Sequence[Case], carry: Carry) -> tuple[Case, ...]:
     """The rows of a table: ballistic, N parts, every N samples."""
     return chosen(cases, "ballistic", "parts", "every", carry=carry)
 

@@ -14,7 +14,7 @@ from clutchid.files import check_writable, make_folder, not_an_address, write_by
 from clutchid.log import Log
 from clutchid.study.paper.figures import FIGURES
 from clutchid.study.paper.page import study_page
-from clutchid.study.paper.results import Case, Progress, find
+from clutchid.study.paper.results import Case, StudyProgress, find
 from clutchid.study.paper.tables import TABLES
 from clutchid.systems import command_line
 
@@ -29,7 +29,7 @@ class PaperStudy:
     files: tuple[Path, ...]
 
 
-def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: Progress | None = None) -> PaperStudy:
+def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: StudyProgress | None = None) -> PaperStudy:
     """Repeat Section 3 of the paper and write ``index.html``, ``figure_2.png`` to ``figure_8.png`` and CSV tables.
 
     Files are written only after all computations, each one atomically, the page last. Folders that were created for a

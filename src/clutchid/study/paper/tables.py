@@ -14,7 +14,7 @@ from clutchid.estimation.result import Errors
 from clutchid.model.weighted_load import PAPER_KNOTS
 from clutchid.study.paper.pressure import Pressures
 from clutchid.study.paper.recording import TrueLoad
-from clutchid.study.paper.results import Carry, Case, PaperMethod, StudyResults, load_error, rows_of
+from clutchid.study.paper.results import Carry, Case, PaperMethod, StudyResults, load_error, table_rows
 
 #: Table 1, theta_1, theta_2, theta_3 in N/m; they belong to the basis with `PRINTED_SLOPE`.
 TABLE_1: Mapping[int | None, tuple[float, float, float]] = MappingProxyType(
@@ -140,7 +140,7 @@ def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
             Column(f"theta_{i}_printed [N/m]", "printed", _WEIGHT, 4, group=group),
         ]
     rows = []
-    for case in rows_of(cases, carry):
+    for case in table_rows(cases, carry):
         estimates, page = case.fit.parameters, TABLE_1[case.method.number]
         row: list[Cell] = [case.method.label]
         for i, name in enumerate(("theta_1", "theta_2", "theta_3")):
@@ -171,7 +171,7 @@ def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
     ]
     rows = tuple(
         (case.method.label, *_cells(case.fitted.errors), *_cells(case.ballistic.errors), *TABLE_2[case.method.number])
-        for case in rows_of(cases, carry)
+        for case in table_rows(cases, carry)
     )
     note = (
         "Only the ballistic columns compare methods: a partitioned simulation is reset to the measured position, so "
@@ -185,7 +185,7 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
     return errors.position_sse, errors.position_rms, errors.pressure_a_sse, errors.pressure_a_rms
 
 
-def verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
+def _verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
     """Errors of ballistic runs on the verification recording, and of the load if its truth is known."""
     run, load = "second recording, ballistic run", "load error"
     columns = [
@@ -244,6 +244,6 @@ TABLES: Mapping[str, Callable[[StudyResults], ReportTable]] = {
     "table_1_carry_q": lambda study: table_1(study.cases, "q"),
     "table_2": lambda study: table_2(study.cases, "p"),
     "table_2_carry_q": lambda study: table_2(study.cases, "q"),
-    "verification": lambda study: verification(study.cases, study.truth),
-    "pressure_errors": lambda study: pressure_errors(rows_of(study.cases, "p"), study.first, study.second),
+    "verification": lambda study: _verification(study.cases, study.truth),
+    "pressure_errors": lambda study: pressure_errors(table_rows(study.cases, "p"), study.first, study.second),
 }

@@ -22,13 +22,13 @@ from clutchid.processes import LostWork
 from clutchid.study.proving.scores import Answer, every_recording, score, standings
 from clutchid.study.proving.workflows import workflow
 from clutchid.truck import Drive, changed, drive, truck
+from clutchid.verbs.virtual_fleet import STROKES_A_METRE
 
 #: Length of every recording in s.
 SECONDS = 30.0
 
-#: Wear of the facing in m in the two worn recordings, and strokes per metre of wear.
+#: Wear of the facing in m in the two worn recordings.
 _WEAR = ((0.5e-3, 1.75e-3), (1.75e-3, 3.0e-3))
-STROKES = 3e8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ def proof(number: int, conditions: Conditions = Conditions()) -> Proof:
             seconds=SECONDS,
             seed=s,
             wear=w,
-            cycles=w * STROKES,
+            cycles=w * STROKES_A_METRE,
             pressure=False,
             change=conditions.changes,
             name=f"worn{i}",

@@ -9,7 +9,7 @@ from clutchid.truck.equations.flow import T_N as T_REF
 from clutchid.truck.equations.motion import Definitions
 
 #: Time in s within which an element that slips gives up deflection beyond its limit; passive up to limit / time.
-SLIP = 2e-4
+SLIP_TIME = 2e-4
 #: Maxwell slip: share of the stiffness and of the friction of each element; the stiffest slips first.
 STIFFNESS, LIMIT = (0.4, 0.3, 0.2, 0.1), (0.16, 0.24, 0.3, 0.3)
 #: Stiction of the plastic bristles: velocity in m/s at which their damping has decayed.
@@ -110,7 +110,7 @@ def slip_rate(v: Expr, z: Expr, K: Expr, W: Expr) -> Expr:
     '0.10 0.00'
     """
     over = sp.Abs(z) - W / K
-    return v - sp.Piecewise((over * sp.Piecewise((1, z > 0), (-1, True)) / SLIP, over > 0), (0, True))
+    return v - sp.Piecewise((over * sp.Piecewise((1, z > 0), (-1, True)) / SLIP_TIME, over > 0), (0, True))
 
 
 def slip_force(z: Expr, K: Expr, W: Expr) -> Expr:

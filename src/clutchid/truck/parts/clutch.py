@@ -46,14 +46,14 @@ class DiaphragmRows:
 #: Travel in m that counts as the touch point of Kluever's load.
 _KLUEVER_TOUCH = 6e-3
 #: Fraction of the clamping force at the touch point.
-TOUCH = 0.15
+_TOUCH = 0.15
 
 
 #: Number of strokes that scales the relaxation of the springs.
 _RELAXATION = 2e5
 
 
-def worn(truck: Any) -> Numbers:
+def _worn(truck: Any) -> Numbers:
     r"""Parameters that the age of the clutch changes, and the position of the engaged rest.
 
     .. math:: (H, F_r) \propto 1 - a_H (1 - e^{-cycles / (2 \cdot 10^5)}), \quad y_r = -i_w \, wear
@@ -124,7 +124,7 @@ def _diaphragm(t: Any, travel: FloatArray, age: Numbers) -> tuple[FloatArray, fl
     snaps = np.any(np.diff(lift) > 10 * np.diff(travel) / t.i_l)
     if snaps or np.abs(t.i_l * (lift + rim(lift) / t.K_c) - travel).max() > 1e-9:
         raise ParameterError(f"K_c = {t.K_c:g} N/m: the diaphragm snaps through with a cover this soft; increase K_c.")
-    free = c_0 - cushion_compression(TOUCH * clamp, t.F_cu, t.c_cu, t.n_cu)
+    free = c_0 - cushion_compression(_TOUCH * clamp, t.F_cu, t.c_cu, t.n_cu)
     return rim(lift) / t.i_l, float(t.i_l * (free + rim(np.array([free]))[0] / t.K_c))
 
 
@@ -141,6 +141,6 @@ def _contradictions(t: Any) -> Iterator[str]:
 
 
 DIAPHRAGM = Clutch(
-    name="diaphragm or exponential", rows=DiaphragmRows, shared=SHARED, numbers=worn, contradictions=_contradictions,
+    name="diaphragm or exponential", rows=DiaphragmRows, shared=SHARED, numbers=_worn, contradictions=_contradictions,
     force=clutch_force,
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from clutchid.truck.parts.part import LIFE, Flow, Numbers
+from clutchid.truck.parts.part import LIFE_STROKES, Flow, Numbers
 from clutchid.truck.rows import PAPER, number
 
 #: Area in m² of a nozzle that passes choked what an orifice of 1 m³/(Pa·s) passes: the reference density times the
@@ -45,12 +45,12 @@ def _leaks(t: Any, factor: float) -> Numbers:
 
 ISO = Flow(
     name="ISO 6358", rows=IsoRows, shared=("C_AB", "C_A0", "a_C"),
-    numbers=lambda t: {"nozzle": 0.0, **_leaks(t, 1 + t.a_C * (t.cycles / LIFE))},
+    numbers=lambda t: {"nozzle": 0.0, **_leaks(t, 1 + t.a_C * (t.cycles / LIFE_STROKES))},
     factors={"valves": {"C_s": 0.93, "C_e": 0.93}}, module="iso",
 )  # fmt: skip
 NOZZLE = Flow(
     name="nozzle", rows=NozzleRows, shared=("C_AB", "C_A0", "a_C"),
-    numbers=lambda t: {"nozzle": 1.0, **_leaks(t, 1 + t.a_C * (t.cycles / LIFE) ** 2)},
+    numbers=lambda t: {"nozzle": 1.0, **_leaks(t, 1 + t.a_C * (t.cycles / LIFE_STROKES) ** 2)},
     factors={"valves": {"A_s": 0.93, "A_e": 0.93}}, module="nozzle",
     converted=lambda drawn: {f"A_{hole}": AREA * drawn[f"C_{hole}"] for hole in ("s", "e", "r")},
 )  # fmt: skip

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clutchid.truck.parts.part import GUESS, LIFE, Friction
+from clutchid.truck.parts.part import GUESS, LIFE_STROKES, Friction
 from clutchid.truck.rows import choice, number
 
 _SHARED = ("F_C", "D_v", "R_S", "v_S", "K_z", "a_F")
@@ -47,14 +47,15 @@ class SlipRows:
 
 BRISTLES = Friction(
     name="LuGre and Dahl", rows=BristleRows, shared=_SHARED,
-    numbers=lambda t: {"F_C": t.F_C * (1 + t.a_F * (t.cycles / LIFE))},
+    numbers=lambda t: {"F_C": t.F_C * (1 + t.a_F * (t.cycles / LIFE_STROKES))},
     factors={"seals": {"F_C": 1.4, "c_F": 1.4}}, true=lambda _, x: {"deflection": x["z"], "bearing": x["z_h"]},
     module="bristles", viscosity=lambda t: float(np.exp(-t.beta * (t.T_0 + t.dT_w))),
 )  # fmt: skip
 SLIP = Friction(
     name="slip and play", rows=SlipRows, shared=_SHARED,
     numbers=lambda t: {
-        "F_C": t.F_C * (1 + t.a_F * math.sqrt(t.cycles / LIFE)), "plastic": float(t.friction == "elasto-plastic")
+        "F_C": t.F_C * (1 + t.a_F * math.sqrt(t.cycles / LIFE_STROKES)),
+        "plastic": float(t.friction == "elasto-plastic"),
     },
     factors={"seals": {"F_C": 1.4, "F_p": 1.4}},
     true=lambda _, x: {"deflection": x["z_1"], "bearing": x["z_b"], "fingers": x["z_f"]}, module="slip",

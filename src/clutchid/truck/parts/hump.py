@@ -19,7 +19,7 @@ from clutchid.truck.rows import choice, number
 #: Number of strokes that scales the settling of the springs.
 _SETTLING = 2e4
 #: Fraction of the peak force at the touch point of the tabulated clutch.
-TOUCH = 0.85
+_TOUCH = 0.85
 #: Tabulated hump: fractions of the peak's travel, and of its force, up to the peak.
 _RISE = ((0.0, 0.3, 0.55, 0.8, 1.0), (0.0, 0.24, 0.58, 0.92, 1.0))
 
@@ -74,7 +74,7 @@ def cubic_hump(x: Expr, F_p: Expr, F_v: Expr, x_v: Expr) -> Expr:
     return F_p - (F_p - F_v) * share**2 * (3 - 2 * share)
 
 
-def worn(truck: Any) -> Numbers:
+def _worn(truck: Any) -> Numbers:
     r"""Parameters that the age of the clutch changes, and the position of the engaged rest.
 
     .. math:: F_p, F_v, F_r \propto 1 - a_H \log_{10} (1 + cycles / (2 \cdot 10^4)), \quad s_c (1 - a_c \, wear)
@@ -154,7 +154,7 @@ def _tabulated(t: Any, travel: FloatArray, age: dict[str, float]) -> tuple[Float
     force = np.concatenate([peak * np.array(_RISE[1]), [0.45 * peak + 0.55 * end, end]])
     hump = PchipInterpolator(x, force, extrapolate=True)
     fine = np.linspace(0.0, top, 1001)
-    return hump(travel), float(np.interp(TOUCH * peak, hump(fine), fine))
+    return hump(travel), float(np.interp(_TOUCH * peak, hump(fine), fine))
 
 
 def _contradictions(t: Any) -> Iterator[str]:
@@ -165,6 +165,6 @@ def _contradictions(t: Any) -> Iterator[str]:
 
 
 HUMP = Clutch(
-    name="hump behind a gap", rows=HumpRows, shared=SHARED, numbers=worn, contradictions=_contradictions,
+    name="hump behind a gap", rows=HumpRows, shared=SHARED, numbers=_worn, contradictions=_contradictions,
     force=hump_force,
 )  # fmt: skip

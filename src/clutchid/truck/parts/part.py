@@ -13,7 +13,7 @@ from clutchid.log import FloatArray
 Numbers = dict[str, float]
 
 #: Number of strokes that scales the wear of rubber and seats.
-LIFE = 1e6
+LIFE_STROKES = 1e6
 
 GUESS = "guess"
 

@@ -14,7 +14,7 @@ from clutchid.truck.parts.part import GUESS, Supply
 from clutchid.truck.rows import number
 
 #: Regulator: largest distance of the supply pressure from the set one at the start, as a share.
-START = 0.01
+_START = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,5 +58,5 @@ RESERVOIR = Supply(
 REGULATOR = Supply(
     name="pressure regulator", rows=RegulatorRows, shared=("P_S",), numbers=lambda t: {"p_T": t.P_S + t.dp_T},
     factors={"supply": {"P_S": 0.95}}, true=lambda _, x: {"pressure_supply": x["p_S"], "regulator": x["x_R"]},
-    module="regulator", rest=lambda _, p: (p, 0.0), start=lambda t, rng: (t.P_S * (1 - START * rng.uniform()), False),
+    module="regulator", rest=lambda _, p: (p, 0.0), start=lambda t, rng: (t.P_S * (1 - _START * rng.uniform()), False),
 )  # fmt: skip

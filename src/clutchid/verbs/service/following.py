@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.errors import DataError, ExportError
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.verbs.live import Begun, LiveReading, arriving, begun, steps
+from clutchid.verbs.live import Begun, LiveReading, arriving, first_observer, steps
 from clutchid.verbs.service.files import FileTroubles, Outputs, left_by_earlier_run
 from clutchid.verbs.service.sinks import sinks_of
 from clutchid.verbs.service.streams import Stopped, say_unhurried
@@ -54,7 +54,7 @@ class Followed(NamedTuple):
     said: frozenset[str]
 
 
-def follow(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, say_checks: bool) -> Followed:
+def follow_live(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, say_checks: bool) -> Followed:
     """Follow a live recording until it ends or is stopped, publish its results, and write all files.
 
     Parameters
@@ -74,7 +74,7 @@ def follow(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, sa
     files, left = FileTroubles(), left_by_earlier_run(outputs, reading.resume)
     with stop_signals() as stopped:
         with closing(arriving(reading, content, stopped)) as blocks:
-            begin = begun(blocks, content, reading)
+            begin = first_observer(blocks, content, reading)
             if reading.resume is not None:  # what comes again
                 files.cut(left, float(begin.first.time[0]))
             run, fault, said = _observed(begin, outputs, files, stopped, say_checks=say_checks)

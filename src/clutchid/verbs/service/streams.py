@@ -16,10 +16,10 @@ Stopped = Callable[[], bool]
 
 #: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
 #: and where the reader had stalled and takes something again.
-STALL, _STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
+_STALL, _STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
 
 #: Time in s after which a wait asks whether it is stopped.
-PATIENCE = 0.1
+_PATIENCE = 0.1
 
 
 @contextmanager
@@ -54,10 +54,10 @@ def as_printed(text: bytes, *, wait: bool) -> bool:
 
 
 def sender_to(out: Outgoing, stopped: Stopped, patience: float | None = None) -> Send:
-    """Function that sends to `out`, which is given `patience` seconds, by default `STALL`, to take a part."""
+    """Function that sends to `out`, which is given `patience` seconds, by default `_STALL`, to take a part."""
 
     def send(text: bytes, *, wait: bool) -> bool:
-        limit = STALL if patience is None else patience
+        limit = _STALL if patience is None else patience
         if _left(out, stopped, limit if wait else 0.0):
             return False
         out.send(text)
@@ -75,7 +75,7 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
     while out.left:
         patience = min(patience, _STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
-        if out.wait(min(rest, PATIENCE)):
+        if out.wait(min(rest, _PATIENCE)):
             since, patience = time.monotonic(), max(patience, STALL_AGAIN)
         elif rest == 0.0:
             break
