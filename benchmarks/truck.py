@@ -17,7 +17,8 @@ import time
 import numpy as np
 
 from clutchid.truck import drive, truck
-from clutchid.truck.running import Course, run_truck
+from clutchid.truck.running import run_truck
+from clutchid.truck.settings import Course
 
 FIRST = "from clutchid.truck import drive, truck; drive(truck(0), seconds=1)"
 

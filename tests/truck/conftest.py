@@ -10,7 +10,8 @@ import pytest
 from clutchid.truck import Truck
 from clutchid.truck.compiled import compiled_plant
 from clutchid.truck.load_table import LoadTable
-from clutchid.truck.running import Course, run_truck
+from clutchid.truck.running import run_truck
+from clutchid.truck.settings import Course
 
 STATES = Truck.parts.structure.states
 
@@ -71,6 +72,6 @@ def lab() -> SimpleNamespace:
     ) -> np.ndarray:
         nothing = np.zeros(len(duties))
         course = Course(nothing, duties, nothing)
-        return run_truck(truck, course, substeps=substeps, ledger=ledger, start=start, curve=curve).states
+        return run_truck(truck, course, substeps=substeps, ledger=ledger, start=start, curve=curve).outputs.states
 
     return SimpleNamespace(states=states, forced=forced, put=put, pressures=pressures, entropy=entropy)

@@ -10,7 +10,8 @@ import pytest
 
 from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, respond, truck, write_truth
-from clutchid.truck.running import Course, run_truck
+from clutchid.truck.running import run_truck
+from clutchid.truck.settings import Course
 
 pytestmark = pytest.mark.slow
 

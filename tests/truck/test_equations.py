@@ -9,7 +9,8 @@ from clutchid.truck import Truck, load_curve
 from clutchid.truck.assembly import at_rest
 from clutchid.truck.equations.bristles import bearing_force, coulomb_force, seal_force, stribeck_force, viscous_friction
 from clutchid.truck.equations.flow import orifice_flow, valve_flow
-from clutchid.truck.running import Course, run_truck
+from clutchid.truck.running import run_truck
+from clutchid.truck.settings import Course
 
 STATES = Truck.parts.structure.states
 
@@ -48,7 +49,7 @@ def rested(t: Truck, milliseconds: int, **start: float) -> np.ndarray:
     for name, value in start.items():
         x0[STATES.index(name)] = value
     nothing = np.zeros(milliseconds)
-    return run_truck(t, Course(nothing, np.zeros((milliseconds, 2)), nothing), start=x0).states
+    return run_truck(t, Course(nothing, np.zeros((milliseconds, 2)), nothing), start=x0).outputs.states
 
 
 def test_a_cooled_reservoir_takes_the_ambient_temperature_with_its_time_constant():

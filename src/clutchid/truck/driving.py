@@ -18,8 +18,8 @@ from clutchid.truck.changes import aged, changed
 from clutchid.truck.families import truck as numbered
 from clutchid.truck.load_table import LoadTable
 from clutchid.truck.manoeuvres import ClutchPoints, set_point
-from clutchid.truck.running import Course, TruckRun, learned_zero, run_truck
-from clutchid.truck.settings import SAMPLE
+from clutchid.truck.running import TruckRun, learned_zero, run_truck
+from clutchid.truck.settings import SAMPLE, Course
 from clutchid.truck.truth import Truth, truth_of, write_truth
 from clutchid.truck.vehicle import Vehicle
 
@@ -157,7 +157,7 @@ def drive(
     course = Course(wanted, forced, noise, _samples(stuck), shift)
     p_S, working = truck.parts.supply.start(truck, of_air)
     driven = run_truck(truck, course, start=at_rest(truck, curve, p_S), working=working)
-    read = sensor.measured_pressure(truck, driven.pressure, of_air) if pressure else None
+    read = sensor.measured_pressure(truck, driven.outputs.pressure, of_air) if pressure else None
     log = _recorded(driven, read, name, {"manoeuvre": manoeuvre, "seed": str(seed), "recorder": recorder})
     log = recording.with_late_duties(log, round(late / SAMPLE))
     if conditions:
@@ -195,7 +195,9 @@ def respond(truck: Vehicle, duty_supply: FloatArray, duty_exhaust: FloatArray) -
     forced = _duties(np.column_stack([duty_supply, duty_exhaust]))
     curve, nothing = load_curve(truck), np.zeros(len(forced))
     response = run_truck(truck.replace({"q_y": 0.0}), Course(nothing, forced, nothing))
-    return Drive(_recorded(response, response.pressure, "response", {}), truth_of(truck, curve, response), nothing)
+    return Drive(
+        _recorded(response, response.outputs.pressure, "response", {}), truth_of(truck, curve, response), nothing
+    )
 
 
 def _duties(duties: FloatArray, size: int | None = None) -> FloatArray:
@@ -220,7 +222,8 @@ def _fallen(truck: Vehicle, curve: LoadTable) -> float:
 
 
 def _recorded(motion: TruckRun, pressure: FloatArray | None, name: str, metadata: dict[str, str]) -> Log:
-    columns = {"position": motion.measured, "duty_supply": motion.duties[:, 0], "duty_exhaust": motion.duties[:, 1]}
+    duty_supply, duty_exhaust = motion.outputs.duties.T
+    columns = {"position": motion.outputs.measured, "duty_supply": duty_supply, "duty_exhaust": duty_exhaust}
     return Log(motion.time, columns if pressure is None else {**columns, "pressure_a": pressure}, name, metadata)
 
 

@@ -24,7 +24,19 @@ from clutchid.truck.law import (
     solenoid,
     spool,
 )
-from clutchid.truck.settings import FILTER_V, FILTER_Y, MAGNETS, SAMPLE, SPOOL, TICK, TICKS, Settings
+from clutchid.truck.settings import (
+    FILTER_V,
+    FILTER_Y,
+    MAGNETS,
+    SAMPLE,
+    SPOOL,
+    TICK,
+    TICKS,
+    Course,
+    Outputs,
+    Plant,
+    Settings,
+)
 
 Pair: TypeAlias = tuple[float, float]
 
@@ -86,29 +98,14 @@ def store_states(x: FloatArray, states: FloatArray, k: int) -> bool:
 
 
 @kernel
-def drive(
-    begin: Any, move: Any, x: FloatArray, p: FloatArray, work: FloatArray, s: Settings, places: tuple[bool, int, int],
-    breakpoints: FloatArray, load: FloatArray, wanted: FloatArray, forced: FloatArray, noise: FloatArray,
-    stuck: tuple[int, int], substeps: int, states: FloatArray, measured: FloatArray, lag_p: FloatArray,
-    duties: FloatArray,
-) -> int:  # fmt: skip
-    """Drive from the states x; returns the sample at which one is not finite, or -1.
+def drive(begin: Any, move: Any, plant: Plant, s: Settings, course: Course, outputs: Outputs) -> int:
+    """Drive from the states of the plant; returns the sample at which one is not finite, or -1.
 
-    Parameters
-    ----------
-    begin, move : kernels
-        The plant: ``begin(p, work)`` and ``move(x, u, p, h, substeps, breakpoints, load, work)``.
-    x, p, work : array
-        Its states at the start, which are moved; its parameters in their order; room for it to work in.
-    places : bool, int, int
-        Whether the state of the air is its energy, place of the supply valve's lift in the states (that of the exhaust
-        valve is next), and place of the governor's pressure, -1 without a governor.
-    wanted, forced, noise, stuck, states, measured, lag_p, duties
-        As `clutchid.truck.running.Course` and `clutchid.truck.running.TruckRun` have them.
-    substeps : int
-        Integration steps per tick.
+    The plant's kernels are ``begin(p, work)`` and ``move(x, u, p, h, substeps, breakpoints, load, work)``.
     """
-    energy, x_s, p_G = places
+    x, p, work, breakpoints, load, energy, x_s, p_G, substeps = plant
+    wanted, forced, noise, stuck, _ = course
+    states, measured, pressures, duties = outputs
     x_e = x_s + 1
     begin(p, work)
     u, valves = np.zeros(3), np.zeros(6)
@@ -123,7 +120,7 @@ def drive(
             return k
         if not stuck[0] <= k < stuck[1]:
             reading = quantised(sensed_y - s.zero + noise[k], s.q_y)
-        measured[k], lag_p[k] = reading, sensed_p
+        measured[k], pressures[k] = reading, sensed_p
         before = filtered
         filtered += (reading - filtered) * SAMPLE / (FILTER_Y + SAMPLE)
         speed += ((filtered - before) / SAMPLE - speed) * SAMPLE / (FILTER_V + SAMPLE)

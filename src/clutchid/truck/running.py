@@ -12,40 +12,19 @@ from clutchid.log import FloatArray, read_only
 from clutchid.truck.assembly import at_rest, load_curve, numbers
 from clutchid.truck.compiled import compiled_plant, loop
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.settings import SAMPLE, Settings
+from clutchid.truck.settings import SAMPLE, Course, Outputs, Plant, Settings
 from clutchid.truck.structure import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
-    """Inputs of a run at every millisecond.
-
-    Set point [m] relative to the sensor's zero, prescribed duty cycles (NaN: from the controller), noise of the
-    position sensor [m], the first and last sample for which the sensor is stuck, and by how much in m the sensor reads
-    more than the travel from the vented rest.
-    """
-
-    wanted: FloatArray
-    forced: FloatArray
-    noise: FloatArray
-    stuck: tuple[int, int] = (-1, -1)
-    shift: float = 0.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class TruckRun:
-    """Outputs of a run at every millisecond.
+    """A run: its outputs, the mechanical position [m] of the sensor's zero, and the shift of its course.
 
-    States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its
-    sensor [Pa], both duty cycles, the mechanical position [m] of the sensor's zero, and by how much [m] the sensor
-    reads more than the travel from the vented rest. `names` are those of the states.
+    `names` are those of the states.
     """
 
-    states: FloatArray
-    measured: FloatArray
-    pressure: FloatArray
-    duties: FloatArray
+    outputs: Outputs
     zero: float
     shift: float
     names: tuple[str, ...]
@@ -53,12 +32,12 @@ class TruckRun:
     @property
     def time(self) -> FloatArray:
         """Time of the samples in s."""
-        return np.arange(len(self.measured)) / round(1 / SAMPLE)
+        return np.arange(len(self.outputs.measured)) / round(1 / SAMPLE)
 
     @property
     def columns(self) -> Mapping[str, FloatArray]:
         """The states by their names."""
-        return dict(zip(self.names, self.states.T, strict=True))
+        return dict(zip(self.names, self.outputs.states.T, strict=True))
 
 
 def run_truck(
@@ -95,20 +74,19 @@ def run_truck(
     # NaN for the numbers of parts that the truck does not have: if one were used, the simulation would show it
     settings = Settings(**{name: float(values.get(name, np.nan)) for name in Settings._fields})
     parameters = np.array([values.get(name, np.nan) for name in plant.parameters], dtype=np.float64)
-    places = structure.gas == "energy", structure.states.index("x_s"), _place(structure.states, "p_G")
     # arrays of one kind, for which the loop is compiled once
-    inputs = map(read_only, (curve.breakpoints, curve.coefficients, course.wanted, course.forced, course.noise))
-    states, measured, pressure, duties = np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2))
-    failed = loop().drive(
-        plant.begin, plant.move, x0, parameters, np.zeros(plant.work), settings, places, *inputs,
-        course.stuck, substeps, states, measured, pressure, duties,
+    moved = Plant(
+        x0, parameters, np.zeros(plant.work), read_only(curve.breakpoints), read_only(curve.coefficients),
+        structure.gas == "energy", structure.states.index("x_s"), _place(structure.states, "p_G"), substeps,
     )  # fmt: skip
+    wanted, forced, noise = map(read_only, (course.wanted, course.forced, course.noise))
+    inputs = Course(wanted, forced, noise, course.stuck, course.shift)
+    outputs = Outputs(np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2)))
+    failed = loop().drive(plant.begin, plant.move, moved, settings, inputs, outputs)
     if failed >= 0:
         when = f"{failed * SAMPLE:.3f} s"
         raise SolveError(f"the simulation of the truck is not finite from {when} on; its parameters are too extreme.")
-    return TruckRun(
-        states, measured, pressure, duties, zero, course.shift, (*structure.states, *(LEDGER if ledger else ()))
-    )
+    return TruckRun(outputs, zero, course.shift, (*structure.states, *(LEDGER if ledger else ())))
 
 
 def _place(names: Sequence[str], name: str) -> int:

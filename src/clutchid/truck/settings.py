@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from clutchid.log import FloatArray
+
 #: Time step of valves and integration, and sampling time of sensor, controller and recording, in s.
 TICK, SAMPLE = 1e-4, 1e-3
 #: Ticks per sample, and steps of spool and armature in a tick.
@@ -14,6 +16,53 @@ MAGNETS, SPOOL, SOLENOIDS = 0, 1, 2
 
 #: Time constants of the controller's filters for position and velocity, in s.
 FILTER_Y, FILTER_V = 0.002, 0.005
+
+
+class Plant(NamedTuple):
+    """The plant as the loop moves it.
+
+    States, which are moved; parameters in their order; room to work in; breakpoints and coefficients of the load;
+    whether the state of the air is its energy; place of the supply valve's lift in the states (that of the exhaust
+    valve is next), and of the governor's pressure, -1 without a governor; integration steps per tick.
+    """
+
+    x: FloatArray
+    p: FloatArray
+    work: FloatArray
+    breakpoints: FloatArray
+    load: FloatArray
+    energy: bool
+    x_s: int
+    p_G: int
+    substeps: int
+
+
+class Course(NamedTuple):
+    """Inputs of a run at every millisecond.
+
+    Set point [m] relative to the sensor's zero, prescribed duty cycles (NaN: from the controller), noise of the
+    position sensor [m], the first and last sample for which the sensor is stuck, and by how much in m the sensor reads
+    more than the travel from the vented rest.
+    """
+
+    wanted: FloatArray
+    forced: FloatArray
+    noise: FloatArray
+    stuck: tuple[int, int] = (-1, -1)
+    shift: float = 0.0
+
+
+class Outputs(NamedTuple):
+    """Outputs of a run at every millisecond.
+
+    States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its
+    sensor [Pa], and both duty cycles.
+    """
+
+    states: FloatArray
+    measured: FloatArray
+    pressure: FloatArray
+    duties: FloatArray
 
 
 class Settings(NamedTuple):
