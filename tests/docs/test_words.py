@@ -85,14 +85,14 @@ def test_every_check_of_a_recording_is_explained():
 
 def test_every_section_of_the_page_of_a_fit_is_explained():
     files = ("documents/fit_sections.py", "documents/comparison.py")
-    headings = [heading for file in files for heading in first_arguments(file, "Section")]
+    headings = [heading for file in files for heading in first_arguments(file, "Chapter")]
     explained = section(PAGES["result"], "The page")
     assert len(headings) >= 5
     assert [heading for heading in headings if f"| {heading} |" not in explained] == []
 
 
 def test_every_line_that_a_fit_prints_is_explained():
-    labels = {label for file in ("documents/fit_rows.py", "cli/fit.py") for label in first_arguments(file, "Row")}
+    labels = {label for file in ("documents/fit_rows.py", "cli/fit.py") for label in first_arguments(file, "LabelRow")}
     assert labels >= {"trust", "load", "errors", "next"}
     assert labels - {"", None} - set(messages(section(PAGES["result"], "The lines"))) == set()
 

@@ -47,7 +47,7 @@ def within_stage(progress: Progress | None, stage: Stage) -> Progress | None:
 
     Examples
     --------
-    >>> within(print, "alone")(Step("fine search", 3, 0.5))
+    >>> within_stage(print, "alone")(Step("fine search", 3, 0.5))
     Step(stage='alone', evaluations=3, cost=0.5)
     """
     return None if progress is None else lambda step: progress(step._replace(stage=stage))

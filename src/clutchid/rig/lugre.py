@@ -327,7 +327,7 @@ def fit_lugre(
 
     >>> t = np.arange(0.0, 8.0, 0.005)
     >>> block = Log(t, {"position": 5e-4 * np.sin(2 * np.pi * t / 4), "force": np.zeros(t.size)}, "block")
-    >>> (whole,) = segments(block, WINDOW)
+    >>> (whole,) = segments(block, VELOCITY_WINDOW)
     >>> force, *_ = free_run(whole, (2.0, 2e4, 100.0, 0.0), 0.0)
     >>> found = fit_lugre(block.with_columns(force=force))
     >>> f"{found.values['F_C']:.2f} N, {found.values['K_z'] / 1e3:.1f} N/mm, {found.fit_percent:.0f} %"

@@ -61,11 +61,11 @@ def choose(sections: Iterable[Section], seconds: float) -> tuple[Section, ...]:
     The second stroke repeats the first, the third goes further:
 
     >>> from clutchid.log import Log
-    >>> from clutchid.strokes.cutting import cut
+    >>> from clutchid.strokes.cutting import sections_of
     >>> t = np.arange(0.0, 9.0, 1e-3)
     >>> turns = [1.0, 1.2, 1.8, 2.0, 4.0, 4.2, 4.8, 5.0, 7.0, 7.2, 7.8, 8.0]
     >>> y = np.interp(t, turns, [0, 9e-3, 9e-3, 0] * 2 + [0, 20e-3, 20e-3, 0])
-    >>> [round(found.departure, 1) for found in choose(cut(Log(t, {"position": y})), 3.2)]
+    >>> [round(found.departure, 1) for found in choose(sections_of(Log(t, {"position": y})), 3.2)]
     [1.0, 7.0]
     """
     if not seconds > 0:
@@ -198,7 +198,7 @@ def information_of(G: FloatArray) -> FloatArray:
 
     >>> once, elsewhere = np.zeros((2, SIZE, SIZE))
     >>> once[0, 0] = elsewhere[1, 1] = 0.05
-    >>> [round(float(information(G)), 2) for G in (once, once + once, once + elsewhere)]
+    >>> [round(float(information_of(G)), 2) for G in (once, once + once, once + elsewhere)]
     [0.69, 1.1, 1.39]
     """
     value: FloatArray = np.linalg.slogdet(np.eye(SIZE) + G / _ENOUGH)[1]

@@ -70,7 +70,7 @@ def sections_of(recording: Log | Iterable[Log]) -> Iterator[Section]:
 
     >>> t = np.arange(0.0, 4.0, 1e-3)
     >>> y = 1e-3 + np.interp(t, [1.5, 1.6, 2.0, 2.3], [0.0, 0.02, 0.02, 0.0])
-    >>> for found in cut(Log(t, {"position": y})):
+    >>> for found in sections_of(Log(t, {"position": y})):
     ...     print(found.label, round(found.start, 2), round(found.end, 2), f"{found.summary.level * 1e3:.1f} mm")
     vented rest 0.0 1.0 1.0 mm
     full stroke 1.0 2.3 1.0 mm

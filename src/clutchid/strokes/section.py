@@ -102,10 +102,10 @@ def joined(sections: Iterable[Section]) -> Log:
 
     Examples
     --------
-    >>> from clutchid.strokes.cutting import cut
+    >>> from clutchid.strokes.cutting import sections_of
     >>> t = np.arange(0.0, 4.0, 1e-3)
     >>> log = Log(t, {"position": np.interp(t, [1.5, 1.6, 2.0, 2.3], [0.0, 0.02, 0.02, 0.0])})
-    >>> first, stroke, last = cut(log)
+    >>> first, stroke, last = sections_of(log)
     >>> len(joined([last, first])), np.array_equal(joined([first, stroke, last])["position"], log["position"])
     (2700, True)
     """

@@ -41,10 +41,10 @@ def sections_table(sections: Iterable[Section]) -> str:
     --------
     >>> import numpy as np
     >>> from clutchid.log import Log
-    >>> from clutchid.strokes.cutting import cut
+    >>> from clutchid.strokes.cutting import sections_of
     >>> t = np.arange(0.0, 4.0, 1e-3)
     >>> y = np.interp(t, [1.5, 1.7, 2.0, 2.3], [0.0, 0.02, 0.02, 0.0])
-    >>> for line in sections_table(cut(Log(t, {"position": y}))).splitlines():
+    >>> for line in sections_table(sections_of(Log(t, {"position": y}))).splitlines():
     ...     print(line[:49])
       no.  kind    label        start [s]  length [s]
       1    rest    vented rest      0.000       0.999

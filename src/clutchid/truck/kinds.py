@@ -17,7 +17,7 @@ def truck_type(letters: str) -> type[Vehicle]:
 
     Examples
     --------
-    >>> kind_of("A" * 9)().A_A, len(kind_of("BAAAAAAAA").names()) - len(kind_of("A" * 9).names())
+    >>> truck_type("A" * 9)().A_A, len(truck_type("BAAAAAAAA").names()) - len(truck_type("A" * 9).names())
     (0.0123, 3)
     """
     parts = parts_of(letters)

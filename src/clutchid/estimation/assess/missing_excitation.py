@@ -50,7 +50,7 @@ def missing_excitation(excitation: Excitation, actuator: Actuator, information: 
     >>> from clutchid.log import Log
     >>> t = np.arange(0.0, 2.0, 1e-3)
     >>> y = np.interp(t, [0.0, 1.0, 2.0], [0.004, 0.008, 0.004])
-    >>> missing(excitation(Log(t, {"position": y})), Actuator())[0]
+    >>> missing_excitation(excitation(Log(t, {"position": y})), Actuator())[0]
     'this log reaches 8.0 mm of 25.0 mm and contains no information about the load beyond: reach 20.0 mm or more.'
     """
     who = "this log" if excitation.recordings == 1 else f"these {excitation.recordings} logs"

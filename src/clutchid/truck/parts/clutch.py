@@ -71,7 +71,7 @@ def _worn(truck: Any) -> Numbers:
     Examples
     --------
     >>> from clutchid.truck import Truck
-    >>> f"{worn(Truck(wear=2e-3, cycles=1e6))['y_r'] * 1e3:.1f} mm"
+    >>> f"{_worn(Truck(wear=2e-3, cycles=1e6))['y_r'] * 1e3:.1f} mm"
     '-0.6 mm'
     """
     relaxed = 1 - truck.a_H * (1 - math.exp(-truck.cycles / _RELAXATION))

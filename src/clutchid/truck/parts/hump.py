@@ -91,7 +91,7 @@ def _worn(truck: Any) -> Numbers:
     Examples
     --------
     >>> from clutchid.truck import TruckB
-    >>> f"{worn(TruckB(cycles=2e5))['relaxed']:.4f}"
+    >>> f"{_worn(TruckB(cycles=2e5))['relaxed']:.4f}"
     '0.9917'
     """
     relaxed = 1 - truck.a_H * math.log10(1 + truck.cycles / _SETTLING)
