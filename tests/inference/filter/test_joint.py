@@ -136,33 +136,6 @@ def test_deviations_are_those_of_the_covariance_and_there_are_none_between_corre
         assert np.isfinite(output).nonzero()[0].tolist() == [every - 1, SAMPLES - 1]
 
 
-def test_without_process_noise_it_is_batch_least_squares(kernels, calls):
-    state, _ = followed(kernels, calls, 1, noise=0.0)
-    u, values, _ = recording()
-    x, S, theta, T, *_ = drawn()
-    root = np.block([[S[:, :K] * WIDTH @ T, S[:, K:]], [WIDTH[:, None] * T, np.zeros((K, SIZE))]])
-    z = np.concatenate([x, MEAN + WIDTH * theta])
-    a, b, c = np.stack([lag_coefficients(tau, np.array([1e-3]))[0, :3] for tau in TAU]).T
-    moved, by_start = z.copy(), np.eye(SIZE + K)  # of the start
-    rows, rest = [np.linalg.inv(root)], [np.zeros(SIZE + K)]
-    for i in range(SAMPLES):
-        if i > 0:
-            F, g = np.eye(SIZE + K), np.zeros(SIZE + K)
-            F[:N, :N], F[:N, SIZE : SIZE + 2], g[:N] = A, D.T, B
-            for m, (output, at, _, _) in enumerate(SENSORS):
-                F[output] = c[m] * F[at]
-                F[output, output], F[output, at], g[output] = a[m], F[output, at] + b[m], c[m] * g[at]
-            moved, by_start = F @ moved + g * u[i - 1], F @ by_start
-        for m, (output, _, _, offset) in enumerate(SENSORS):
-            if not np.isnan(values[i, m]):
-                h = np.eye(SIZE + K)[output] + (np.eye(SIZE + K)[SIZE + offset] if offset >= 0 else 0.0)
-                rows.append((h @ by_start / SIGMA[m])[None])
-                rest.append([(values[i, m] - h @ moved - (0.0 if offset >= 0 else OFFSETS[m])) / SIGMA[m]])
-    start = np.linalg.lstsq(np.vstack(rows), np.concatenate(rest), rcond=None)[0]
-    mean, _ = joint_moments(state)
-    assert mean[SIZE:] == pytest.approx((z + start)[SIZE:], abs=1e-9)
-
-
 def test_drift_adds_its_covariance_column_by_column_to_that_of_the_parameters(kernels):
     T, wear = drawn()[3], np.array([2 * K])
     root = 0.2 * T
