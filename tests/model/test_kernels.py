@@ -48,7 +48,7 @@ def test_at_equal_pressures_chamber_b_still_feels_that_they_could_differ():
 def test_simulations_call_the_kernels_with_the_signatures_that_are_compiled_ahead():
     code = (
         "import numpy as np, clutchid\n"
-        "from clutchid.model.compiled import compile_ahead, functions, kernels\n"
+        "from clutchid.model.compiled import compile_ahead, compiled_functions, kernels\n"
         "from clutchid.simulation.stiffness import stiffness\n"
         "compile_ahead(('isothermal',))\n"
         "log = clutchid.Log(np.arange(100) * 1e-3, {'duty_supply': np.ones(100), 'duty_exhaust': np.zeros(100)})\n"
