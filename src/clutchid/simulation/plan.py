@@ -112,13 +112,12 @@ def plan(
     if not bounds:
         raise DataError(f"{log.name}: no two neighbouring samples have both duty cycles; nothing can be simulated.")
     y_max = actuator.parameters.y_max
-    jump, measured = _resets(log, partition, use_pressure)
-    measured[:, 0] = np.clip(measured[:, 0], -OUTSIDE, y_max + OUTSIDE)
+    resets = _resets(log, partition, use_pressure)
+    np.clip(resets[1][:, 0], -OUTSIDE, y_max + OUTSIDE, out=resets[1][:, 0])
     uncertain = np.zeros(len(log) - 1) if open_std is None else open_std
-    segments = []
-    for start, stop in bounds:
-        of_samples = jump[start:stop], measured[start:stop], uncertain[start : stop - 1]
-        segments.append(_segment(log, actuator, rate, start, stop, *of_samples, use_pressure, start == first))
+    segments = [
+        _segment(log, actuator, rate, use_pressure, resets, uncertain, span, span[0] == first) for span in bounds
+    ]
     warnings = []
     if len(segments) > 1:
         cuts = ", ".join(f"{log.time[s.start]:.3f} s" for s in segments[1:6]) + (", ..." if len(segments) > 6 else "")
@@ -181,15 +180,16 @@ def _segment(
     log: Log,
     actuator: Actuator,
     rate: float,
-    start: int,
-    stop: int,
-    jump: NDArray[np.uint8],
-    measured: FloatArray,
-    open_std: FloatArray,
     use_pressure: bool,
+    resets: tuple[NDArray[np.uint8], FloatArray],
+    open_std: FloatArray,
+    span: tuple[int, int],
     begins: bool,
 ) -> Segment:
-    """The samples `start` to `stop` of a recording, which `begins` there, or goes on after a hole."""
+    """The samples of a `span` of a recording, which `begins` there, or goes on after a hole."""
+    start, stop = span
+    jump, measured = resets[0][start:stop].copy(), resets[1][start:stop]
+    jump[0] = 0
     dt = np.diff(log.time[start:stop])
     inputs = held_inputs(log, actuator, start, stop)
     position = log["position"][start:stop] if "position" in log else np.full(stop - start, np.nan)
@@ -197,14 +197,12 @@ def _segment(
     rest = _rest(log.time[start:stop], position, inputs[:, 0] <= actuator.parameters.R_0vs)
     vented = begins and _vented(rest[: max(2, int(_REST_TIME / dt[0]))], position)
     first = float(np.median(rest)) if vented and rest.size else _first_finite(position, 0.0)
-    jump = jump.copy()
-    jump[0] = 0
     return Segment(
         start=start,
         stop=stop,
         inputs=inputs,
         dt=dt,
-        open_std=open_std,
+        open_std=open_std[start : stop - 1],
         substeps=substeps(dt, rate),
         jump=jump,
         measured=np.ascontiguousarray(measured),
