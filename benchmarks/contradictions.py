@@ -24,7 +24,7 @@ from online import WEAR, calibrated
 from clutchid.inference.filter.joint_filter import JointPass
 from clutchid.log import Log
 from clutchid.observer import following
-from clutchid.observer.contradiction import LARGEST, LEARNING, STANDING
+from clutchid.observer.contradiction import LARGEST_EXCESS, LEARNING, STANDING
 from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
 from clutchid.study.proving.ground import STROKES_A_METRE
@@ -82,7 +82,7 @@ def rule(words: str) -> Callable[..., tuple[int, float]]:
                 continue
             if kind.endswith("sum"):
                 allowance = LEARNING if moves else STANDING
-                total = max(0.0, total + seconds * min(size - allowance, LARGEST))
+                total = max(0.0, total + seconds * min(size - allowance, LARGEST_EXCESS))
             else:
                 total = total + 1.0 if size > LEARNING else 0.0
             if total >= float(limit):

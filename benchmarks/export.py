@@ -34,7 +34,7 @@ from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.data import size_of
 from clutchid.exports.filter import correction_shares
 from clutchid.exports.parity import begins_us, begun, parity, replay, samples_of
-from clutchid.exports.target import FAST, SMALL, example_files
+from clutchid.exports.target import FAST_FLAGS, SMALL, example_files
 from clutchid.log import FloatArray, Log
 from clutchid.observer import observer, start
 from clutchid.observer.methods import METHODS
@@ -110,7 +110,7 @@ class Costs(NamedTuple):
     memory: dict[str, int]
 
 
-def target_costs(observed: Observer, style: CStyle, log: Log, flags: Sequence[str] = ("-O2", *FAST)) -> Costs:
+def target_costs(observed: Observer, style: CStyle, log: Log, flags: Sequence[str] = ("-O2", *FAST_FLAGS)) -> Costs:
     """Costs of an observer as calibrated on an emulated Cortex-M4F, over a recording."""
     modules = observer_c99(observed, start(observed), style, "costs")
     values = {"name": style.name, "real": style.real, "two": style.rates == "two", "loops": _LOOPS}

@@ -35,7 +35,7 @@ _PR_SET_PDEATHSIG = 1
 _GLANCE = 0.5
 
 #: Options of `subprocess.Popen` for a process that Ctrl-C in the terminal does not reach.
-APART: dict[str, Any] = {
+DETACHED: dict[str, Any] = {
     "start_new_session": True,
     "creationflags": getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
 }
@@ -101,7 +101,7 @@ def _end_after(parent: int) -> NoReturn:
 
 
 def kill_session(pid: int) -> None:
-    """End a process that was started `APART`, with its child processes.
+    """End a process that was started `DETACHED`, with its child processes.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def kill_session(pid: int) -> None:
 
 
 def end_session() -> NoReturn:
-    """End this process, which was started `APART`, with its child processes."""
+    """End this process, which was started `DETACHED`, with its child processes."""
     if hasattr(os, "killpg"):
         os.killpg(0, _KILL)
     _kill(_descendants(os.getpid()))

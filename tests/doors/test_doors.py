@@ -18,7 +18,7 @@ from clutchid.app import records, tasks
 from clutchid.app.commands import fit_command
 from clutchid.errors import ClutchidError
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.observer.by_stroke import curve, positions
+from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.verbs.observing import ANYWAY
 from clutchid.verbs.reading import REFUSED
 from clutchid.verbs.wear_reading import ReadingOptions, read_recording
@@ -98,7 +98,7 @@ def by_python(verb: str, path: Path, start: Path, **options: object) -> Answer:
         return Answer(sentence=str(error))
     if verb == "estimate":
         return Answer(at_6_mm(result.load_curve))
-    now = curve(result.observer, result.after, positions(result.observer))
+    now = curve(result.observer, result.after, curve_positions(result.observer))
     return Answer(at_6_mm(now), by_stroke=at_6_mm(result.strokes[-1].curve))
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
 from clutchid.exports.c99 import CStyle, compiler, observer_c99
-from clutchid.exports.parity import COLUMNS, begins_us, parity, replay, replay_program, replayed
+from clutchid.exports.parity import RESULT_COLUMNS, begins_us, parity, replay, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.log import Log
@@ -137,7 +137,7 @@ def test_c_follows_the_same_rules(estimator, log, program, fault):
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared
     trust = observed_verdict(indicators(observe_recording(estimator, disturbed))).trust
-    assert TRUSTS[int(in_c.outputs[-1, COLUMNS.index("trust")])] == trust
+    assert TRUSTS[int(in_c.outputs[-1, RESULT_COLUMNS.index("trust")])] == trust
 
 
 @pytest.mark.slow
@@ -147,7 +147,7 @@ def test_c_begins_at_the_far_stop_as_python_does(estimator, log, program):
     closed = np.zeros(len(head))
     at_stop = head.with_columns(position=position, duty_supply=closed, duty_exhaust=closed)
     in_c = replayed(program, estimator, at_stop)
-    assert in_c.outputs[0, COLUMNS.index("pressure_a")] > 0.4 * (p.P_0 + p.P_S)
+    assert in_c.outputs[0, RESULT_COLUMNS.index("pressure_a")] > 0.4 * (p.P_0 + p.P_S)
     compared = parity(estimator, start(estimator), at_stop, in_c)
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared

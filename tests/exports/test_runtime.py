@@ -13,7 +13,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.exports.c99 import CStyle, c_number, compiler, observer_c99, source_files
 from clutchid.exports.parity import (
-    COLUMNS,
+    RESULT_COLUMNS,
     begins_us,
     begun,
     parity,
@@ -115,7 +115,7 @@ def test_in_double_everything_is_alike_up_to_rounding(found_by, faulty, method):
     seen = {name: int(count) for name, count in zip(FLAGS, outputs.health, strict=True) if count}
     assert {"position_missing", "position_frozen", "position_beyond_stops", "duty_missing", "time_missing"} < set(seen)
     assert {"outlier", "rest_moved"} < set(seen)
-    assert np.nanmax(outputs.outputs[:, COLUMNS.index("rest")]) > 3e-4
+    assert np.nanmax(outputs.outputs[:, RESULT_COLUMNS.index("rest")]) > 3e-4
 
 
 def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, faulty):
@@ -132,7 +132,7 @@ def test_two_rates_have_the_numbers_of_one_also_with_faults(found_by, faulty):
             found_by("joint", CStyle(real=real, rates=rates), faulty) for rates in ("one", "two")
         )
         # trust is judged by the flags so far, when a correction goes on
-        same = [i for i, name in enumerate(COLUMNS) if name != "trust"]
+        same = [i for i, name in enumerate(RESULT_COLUMNS) if name != "trust"]
         np.testing.assert_array_equal(single.outputs[:, same], two.outputs[:, same])
         for alike, other in zip(single[1:], two[1:], strict=True):
             np.testing.assert_array_equal(alike, other)

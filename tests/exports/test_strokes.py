@@ -9,11 +9,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from clutchid.exports.c99 import CStyle, compiler
-from clutchid.exports.parity import BAND, COLUMNS, samples_of
+from clutchid.exports.parity import BAND, RESULT_COLUMNS, samples_of
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import Log
 from clutchid.observer import curve, observer, start
-from clutchid.observer.by_stroke import positions
+from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.following import observe_strokes
 from clutchid.observer.observer import DRIFT
 from clutchid.strokes.rule import VALUE
@@ -42,15 +42,15 @@ def in_c(learning, tmp_path_factory):
     """Strokes by sample, and load with its band at the end, of the exported C: in_c(log)."""
     if compiler() is None:
         pytest.skip("no C compiler on this machine")
-    style, at = CStyle(real="double"), positions(learning)
+    style, at = CStyle(real="double"), curve_positions(learning)
     program = replay(style, write_sources(learning, style, tmp_path_factory.mktemp("c") / "src"), at, 0)
 
     def run(log):
         samples = np.frombuffer(
             subprocess.run([program], input=samples_of(log).tobytes(), capture_output=True, check=True).stdout
         )
-        n = len(log) * len(COLUMNS)
-        strokes = samples[:n].reshape(-1, len(COLUMNS))[:, COLUMNS.index("strokes")]
+        n = len(log) * len(RESULT_COLUMNS)
+        strokes = samples[:n].reshape(-1, len(RESULT_COLUMNS))[:, RESULT_COLUMNS.index("strokes")]
         return strokes, samples[n : n + BAND * at.size].reshape(-1, BAND)[:, :3]
 
     return run
@@ -89,7 +89,7 @@ def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, moveme
     np.testing.assert_allclose(T @ T.T, (1.0 + DRIFT * len(ends)) * covariance, rtol=1e-9, atol=1e-12)
     strokes, load = in_c(log)
     assert np.flatnonzero(np.diff(strokes)).tolist() == [end - 1 for end in ends]
-    expected = curve(learning, after, positions(learning))
+    expected = curve(learning, after, curve_positions(learning))
     np.testing.assert_allclose(load, np.stack([expected.force, expected.low, expected.high], axis=1), rtol=1e-9)
 
 
@@ -114,5 +114,5 @@ def test_a_movement_that_is_no_stroke_does_not_drift_what_is_known(learning, pla
 def test_a_movement_that_is_no_stroke_does_not_drift_what_is_known_in_c(learning, in_c, unseen):
     strokes, load = in_c(unseen)
     assert not strokes.any()
-    calibrated = curve(learning, start(learning), positions(learning))
+    calibrated = curve(learning, start(learning), curve_positions(learning))
     np.testing.assert_allclose(load[:, 2], calibrated.high, rtol=1e-12)

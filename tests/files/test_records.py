@@ -12,7 +12,7 @@ import tomli_w
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_file import read_parameters
-from clutchid.files.records import Rule, collected, covariance_problem, plain, read, read_toml, table
+from clutchid.files.records import Rule, collected, covariance_problem, plain, read_record, read_toml, table
 from clutchid.log import FloatArray
 
 
@@ -41,7 +41,7 @@ ROWS = "a list of numbers, in rows of equal length, is needed."
 
 
 def test_a_record_in_a_file_is_read_bit_by_bit():
-    again = read(Sensor, tomllib.loads(tomli_w.dumps(table(FULL))), "[sensor]")
+    again = read_record(Sensor, tomllib.loads(tomli_w.dumps(table(FULL))), "[sensor]")
     np.testing.assert_array_equal(again.root, FULL.root)
     assert again.root.dtype == np.float64
     assert repr(again) == repr(FULL)
@@ -50,7 +50,7 @@ def test_a_record_in_a_file_is_read_bit_by_bit():
 def test_what_is_nothing_by_default_is_left_out_and_read_as_nothing():
     bare = Sensor("", "rod", {})
     assert table(bare) == {"name": "", "kind": "rod", "spans": {}, "samples": 0, "used": True}
-    assert repr(read(Sensor, table(bare), "[sensor]")) == repr(bare)
+    assert repr(read_record(Sensor, table(bare), "[sensor]")) == repr(bare)
 
 
 def test_chosen_fields_are_written_in_the_order_of_the_choice():
@@ -63,7 +63,7 @@ def test_numbers_and_arrays_of_numpy_become_those_of_toml():
 
 
 def test_a_record_may_stand_as_the_list_of_its_fields():
-    assert read(Sensor, {**PLAIN, "spans": {"a": [1, 2]}}, "[sensor]").spans == {"a": Span(1.0, 2.0)}
+    assert read_record(Sensor, {**PLAIN, "spans": {"a": [1, 2]}}, "[sensor]").spans == {"a": Span(1.0, 2.0)}
 
 
 @pytest.mark.parametrize(
@@ -91,14 +91,14 @@ def test_a_record_may_stand_as_the_list_of_its_fields():
 )
 def test_a_wrong_entry_is_one_sentence_with_its_place(entries, sentence):
     with pytest.raises(ParameterError) as caught:
-        read(Sensor, {**PLAIN, **entries}, "[sensor]")
+        read_record(Sensor, {**PLAIN, **entries}, "[sensor]")
     assert str(caught.value).startswith(sentence)
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_all_problems_of_a_record_are_listed():
     problems: list[str] = []
-    assert collected(problems, read, Sensor, {"name": 5, "spans": {"a": {}}, "x": 1}, "[sensor]") is None
+    assert collected(problems, read_record, Sensor, {"name": 5, "spans": {"a": {}}, "x": 1}, "[sensor]") is None
     assert [problem.partition(":")[0] for problem in problems] == [
         "no entry of [sensor] 'x'. Known are name, kind, spans, samples, used, pairs, root, rest.",
         "[sensor] name = 5",
@@ -120,7 +120,7 @@ RULES = {"rest": Rule("a level above 0 is needed", lambda span: span.low > 0.0),
 )
 def test_a_rule_speaks_for_an_entry_and_for_all_in_a_section(entries, sentence):
     with pytest.raises(ParameterError) as caught:
-        read(Sensor, {**PLAIN, **entries}, "[sensor]", RULES)
+        read_record(Sensor, {**PLAIN, **entries}, "[sensor]", RULES)
     assert str(caught.value) == sentence
 
 

@@ -250,7 +250,7 @@ def test_frames_that_are_in_a_log_as_sent_and_as_received_count_once(tmp_path, d
 def test_blocks_of_any_size_and_frames_that_are_not_kept_give_the_same_numbers(logged, dbc, suffix, monkeypatch):
     path = logged(suffix, mixture())
     whole = open_file(path, [dbc])
-    monkeypatch.setattr(can_file, "KEPT", 1000)
+    monkeypatch.setattr(can_file, "KEPT_FRAMES", 1000)
     again = open_file(path, [dbc])
     away = path.rename(path.with_name("away"))
     assert next(whole.tables(0, [0])).size
@@ -294,7 +294,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
     for suffix, name in (("blf", "BLF"), ("asc", "ASC"), ("mf4", "MF4")):
         path = logged(suffix, mixture(3)).rename(tmp_path / f"{suffix}.dat")
         assert frame_log(path).format == name
-        assert (mf4.frame_log(path) is not None) == (suffix == "mf4")
+        assert (mf4.mdf_frames(path) is not None) == (suffix == "mf4")
     other = tmp_path / "run.csv"
     other.write_text("time [s],position [m]\n0,1\n")
     assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)

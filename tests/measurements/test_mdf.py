@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
-from clutchid.measurements.formats.can.mf4 import frame_log
+from clutchid.measurements.formats.can.mf4 import mdf_frames
 from clutchid.measurements.formats.mdf.file import open_file, save
 from clutchid.measurements.formats.mdf.numbers import formula
 from clutchid.measurements.source import BLOCK
@@ -206,9 +206,9 @@ def test_signals_that_a_logger_decoded_beside_the_frame_are_kept(save):
 
 
 def test_a_file_without_frames_or_no_mdf_at_all_holds_no_bus_frames(small, save):
-    assert frame_log(small) is None
-    assert frame_log(save(b"", "empty.mf4")) is None
-    assert frame_log(save(small.read_bytes()[:200], "cut.mf4")) is None
+    assert mdf_frames(small) is None
+    assert mdf_frames(save(b"", "empty.mf4")) is None
+    assert mdf_frames(save(small.read_bytes()[:200], "cut.mf4")) is None
 
 
 def test_groups_without_samples_and_channels_that_are_no_numbers_are_left_out_and_counted(save):
@@ -459,7 +459,7 @@ def test_every_real_log_opens_and_says_that_it_holds_frames(bus_logs):
     for path in sorted(bus_logs.glob("*.MF4")):
         source = open_file(path)
         assert (source.problems, source.rasters) == ((), ())
-        assert frame_log(path) is not None
+        assert mdf_frames(path) is not None
         told[path.stem] = (source.warnings, source.metadata["start"])
     assert told["css_truck_stationary_J1939"] == (
         ("59 groups without samples are left out.", "2 groups hold raw bus frames; give their DBC with --dbc."),

@@ -39,7 +39,7 @@ def read_frame(path):
 @pytest.mark.parametrize(("piece", "blocks"), [(100, 64), (1 << 16, 64), (1 << 16, 2), (1600, 3)])
 def test_it_is_the_file_that_is_written_at_once(tmp_path, log, suffix, piece, blocks, monkeypatch):
     monkeypatch.setattr(module, "PIECE", piece)
-    monkeypatch.setattr(module, "BLOCKS", blocks)
+    monkeypatch.setattr(module, "_BLOCKS", blocks)
     write(log, tmp_path / f"whole{suffix}")
     with spooled(tmp_path / f"live{suffix}") as add:
         for begin, end in ((0, 0), (0, 333), (333, 333), (333, 420), (420, 1000)):

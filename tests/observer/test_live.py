@@ -8,7 +8,7 @@ import pytest
 from clutchid.observer import live as module
 from clutchid.observer import start
 from clutchid.observer.health import LIVE_FLAGS
-from clutchid.observer.live import after_block, checked, live_run
+from clutchid.observer.live import after_block, live_run, with_check_sentences
 from fixtures.changed_logs import picked, spoiled
 
 NONE = dict.fromkeys(LIVE_FLAGS, 0)
@@ -26,7 +26,7 @@ def followed(joint, log, sizes, left_out=NONE):
 
 def test_what_is_kept_does_not_grow(joint, log, monkeypatch):
     monkeypatch.setattr(module, "RECENT", 0.5)
-    monkeypatch.setattr(module, "STROKES", 1)
+    monkeypatch.setattr(module, "RECENT_STROKES", 1)
     run, _ = followed(joint, log, [100])
     assert len(run.parts) <= 7
     assert len(run.strokes) == 1
@@ -71,4 +71,4 @@ def test_the_checks_look_at_the_first_samples_and_do_not_end_the_recording(joint
     assert run.recent().log.warnings == run.checked
     early, _ = followed(joint, swapped.slice(1000, 4000), sizes)
     assert early.checked is None
-    assert checked(early).checked is not None
+    assert with_check_sentences(early).checked is not None

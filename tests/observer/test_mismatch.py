@@ -12,7 +12,7 @@ from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.health import health
-from clutchid.observer.mismatch import MEMORY, UNLIKE, normalised
+from clutchid.observer.mismatch import MEMORY, MISMATCHED, normalised
 from clutchid.observer.prior import AIR_STD, deviation_by_air
 from clutchid.observer.recording import usual_nis
 from fixtures.observing import assert_same, in_blocks
@@ -83,7 +83,7 @@ def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(cali
     assert 0.5 < sound.after.mismatch < 1.5
     assert sound.health["unlike_calibration"] == 0.0
     strange = observe_recording(calibrated, strange_log)
-    assert strange.after.mismatch > UNLIKE
+    assert strange.after.mismatch > MISMATCHED
     assert strange.health["unlike_calibration"] > 0.0
     at = np.linspace(2e-3, 9e-3, 30)
     plain = strange.after._replace(mismatch=1.0)

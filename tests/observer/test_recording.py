@@ -10,7 +10,7 @@ from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
 from clutchid.observer import curve, estimates_of, observe, observe_recording, observer, start
-from clutchid.observer.by_stroke import positions
+from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.prior import AIR_STD, ASSUMED
 from clutchid.observer.recording import spacing
@@ -57,7 +57,7 @@ def test_a_row_of_a_stroke_has_the_load_and_parameters_as_they_were_known_then(r
     assert len(run.strokes) >= 2
     end = int(np.flatnonzero(log.time == run.strokes[1].time)[0]) + 1
     state, _ = observe(joint, start(joint), log.slice(0, end))
-    table, at = run.load_by_stroke(), positions(joint)
+    table, at = run.load_by_stroke(), curve_positions(joint)
     for name, estimate in estimates_of(joint, state).items():
         unit = joint.actuator.unit(name)
         assert (table[f"{name} [{unit}]"][1], table[f"{name}_std [{unit}]"][1]) == (estimate.value, estimate.std)
@@ -181,7 +181,7 @@ def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_
     assert run.health["zero_unknown"] > 0.0
     verdict = observed_verdict(indicators(run))
     assert any("jumped as no piston moves" in reason for reason in verdict.reasons)
-    at = positions(rested)
+    at = curve_positions(rested)
     load, truth = curve(rested, run.after, at), curve(rested, sound.after, at)
     inside = (truth.force > load.low) & (truth.force < load.high)
     assert verdict.trust == "none" or inside.all()

@@ -9,9 +9,8 @@ from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditio
 from clutchid.model import Actuator
 from clutchid.observer import observe, observer, start
 from clutchid.observer.health import LIVE_FLAGS
-from clutchid.observer.live import after_block, checked, live_run
-from clutchid.observer.prior import load_deviation, supply_of
-from clutchid.observer.recording import observe_recording, unused_conditions
+from clutchid.observer.live import after_block, live_run, with_check_sentences
+from clutchid.observer.prior import load_deviation, supply_of, unused_conditions
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)
@@ -132,4 +131,4 @@ def test_a_live_recording_says_it_too(plant, usual_supply, lower):
     for stored, said in ((usual_supply, False), (None, True)):
         joint = observer(plant, calibration=stored)
         run, _ = after_block(live_run(joint, start(joint)), lower.slice(0, 2000), dict.fromkeys(LIVE_FLAGS, 0))
-        assert any("pressure_supply is not used" in sentence for sentence in checked(run).checked) == said
+        assert any("pressure_supply is not used" in sentence for sentence in with_check_sentences(run).checked) == said

@@ -15,7 +15,7 @@ from clutchid.app import records
 from clutchid.app.jobs import Job
 from clutchid.app.records import content
 
-_Item = Job | records.Item
+_Item = Job | records.PageItem
 _Kind = TypeVar("_Kind", bound=_Item)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from clutchid.app.records import File
 from clutchid.errors import ParameterError
-from clutchid.files.records import read
+from clutchid.files.records import read_record
 from clutchid.names import unknown_names
 from clutchid.verbs.commands import FitCommand, typed
 from clutchid.verbs.options import USUAL, ReadingText, RequestText, pressure_option
@@ -44,9 +44,9 @@ def fit_command(
     stated = {name: value.strip() if isinstance(value, str) else value for name, value in options.items()}
     stated = {name: value for name, value in stated.items() if value not in ("", [])}
     force, ambient = bool(stated.pop("force", False)), stated.pop("ambient", None)
-    search = read(RequestText, stated, "options")
+    search = read_record(RequestText, stated, "options")
     search.request(verb)
-    pressure_option(None if ambient is None else read(str, ambient, "options ambient"))
+    pressure_option(None if ambient is None else read_record(str, ambient, "options ambient"))
     return FitCommand(
         verb=verb, logs=_names(files), verify=_names(verify), start=None if start is None else Path(start),
         search=search, files=ReadingText(ambient=ambient, map=_map_of([*files, *verify])), force=force,

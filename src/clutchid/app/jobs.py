@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from clutchid.app.records import PRIVATE, Task
-from clutchid.systems import APART, ending, interpreter, kill_session
+from clutchid.systems import DETACHED, ending, interpreter, kill_session
 
 #: Longest event in bytes.
 _LONGEST = 1 << 24
@@ -216,7 +216,7 @@ class Jobs:
         process = await asyncio.create_subprocess_exec(
             python, "-P", "-c", _START, json.dumps(sys.path),
             stdin=PIPE, stdout=PIPE, stderr=DEVNULL, limit=_LONGEST,
-            env={**os.environ, **additions, **temporary}, **APART,
+            env={**os.environ, **additions, **temporary}, **DETACHED,
         )  # fmt: skip
         return _Spare(process, folder)
 

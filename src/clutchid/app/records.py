@@ -118,7 +118,7 @@ class Table:
     bad_input: bool = False
 
 
-Item = Recording | Result | Observation | Table
+PageItem = Recording | Result | Observation | Table
 
 # tasks
 

@@ -31,7 +31,7 @@ from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, folder_listing, is_opened, is_table, receive_upload, upload_size
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
-from clutchid.files.records import read, toml_of
+from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
 from clutchid.names import printable
 from clutchid.verbs.failures import failure
@@ -233,7 +233,7 @@ async def _cut(session: Session, request: Request) -> Response:
 
 async def _fit(session: Session, request: Request) -> Response:
     body = await _body(request)
-    recordings, verify = (read(list[str], body.get(name, []), name) for name in ("recordings", "verify"))
+    recordings, verify = (read_record(list[str], body.get(name, []), name) for name in ("recordings", "verify"))
     start = body.get("start") or None
     (verb,) = _texts(body, "verb")
     id_ = session.fit(verb, recordings, verify, start, body.get("options", {}))
@@ -314,7 +314,7 @@ async def _body(request: Request) -> dict[str, Any]:
 
 def _texts(body: dict[str, Any], *names: str) -> tuple[str, ...]:
     """Entries of an object that are texts."""
-    return tuple(read(str, body.get(name), name) for name in names)
+    return tuple(read_record(str, body.get(name), name) for name in names)
 
 
 def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:

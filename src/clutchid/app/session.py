@@ -259,7 +259,7 @@ class Session:
 
     # jobs
 
-    def _begin(self, title: str, lane: Lane, item: records.Item, task: records.Task, of: str = "") -> str:
+    def _begin(self, title: str, lane: Lane, item: records.PageItem, task: records.Task, of: str = "") -> str:
         """Put a record on the board and submit the job that will complete it; its id."""
         self.board.put(item)
         self.jobs.submit(f"{title} {of or item.name}", lane, task, item.id)

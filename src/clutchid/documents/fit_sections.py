@@ -50,7 +50,7 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
     assumed = {f"{assumption.name}@{stem}": assumption for assumption in fit.assumed for stem in assumption.recordings}
     names = list(fit.parameters if names is None else names)
     for name in names:
-        e, words = fit.parameters[name], meaning(fit, name)
+        e, words = fit.parameters[name], parameter_meaning(fit, name)
         if name in assumed:
             value, half = assumed[name].value, assumed[name].half_width
             rows.append((name, e.unit, value, half / QUANTILE, value - half, value + half, f"{words}: assumed"))
@@ -65,7 +65,7 @@ _ASSUMED = (
 )
 
 
-def meaning(fit: Fit, name: str) -> str:
+def parameter_meaning(fit: Fit, name: str) -> str:
     """Meaning of a parameter, NAME or NAME@STEM."""
     base, _, stem = name.partition("@")
     meaning = fit.actuator.row(base).meaning if base in fit.actuator.parameter_names else "weight of the load"

@@ -22,7 +22,7 @@ from clutchid.estimation.assess.innovations import innovation_statistics
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import Loads, ObservedRecording, curve, estimates_of, loads, positions, start
+from clutchid.observer import Loads, ObservedRecording, curve, curve_positions, estimates_of, loads, start
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     """The load at three positions over the number of the stroke, with its band; first that before the recording."""
     from matplotlib.ticker import MaxNLocator
 
-    grid = positions(run.observer)
+    grid = curve_positions(run.observer)
     curves: list[LoadCurve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
     number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
     places = [int(np.argmin(np.abs(grid - position))) for position in _FOLLOWED if position <= grid[-1]]
@@ -172,7 +172,7 @@ def observe_document(observation: Observation, command: str = "") -> Document:
 def observation_data(observation: Observation) -> dict[str, Any]:
     """Data of an observed recording for the local page: loads by stroke, rows, and the next step."""
     run = observation.run
-    time, grid = run.log.time, positions(run.observer)
+    time, grid = run.log.time, curve_positions(run.observer)
     loads = [(float(time[0]), 0, curve(run.observer, run.before, grid))]
     loads += [(row.time, row.number, row.curve) for row in run.strokes]
     rows = page_rows(observe_document(observation))

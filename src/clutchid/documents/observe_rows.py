@@ -13,8 +13,8 @@ from clutchid.documents.style import MM
 from clutchid.estimation import errors_over
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Origin
-from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.observer import POINTS, ObservedRecording, curve, estimates_of, loads
+from clutchid.inference.uncertainty.estimates import POINTS, LoadCurve
+from clutchid.observer import ObservedRecording, curve, estimates_of, loads
 
 
 def observe_sentence(run: ObservedRecording) -> str:

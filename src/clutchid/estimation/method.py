@@ -10,7 +10,6 @@ import numpy as np
 
 from clutchid.estimation.request import FreeParameters, SearchState, ended
 from clutchid.estimation.result import (
-    POINTS,
     Compared,
     Fit,
     errors_over,
@@ -22,7 +21,7 @@ from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.search import UNLIMITED, Effort
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
-from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
+from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
 from clutchid.inference.uncertainty.identifiability import in_words
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log

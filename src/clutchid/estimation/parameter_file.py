@@ -27,7 +27,7 @@ from clutchid.estimation.parameter_tables import (
 from clutchid.estimation.request import Continuation, FitRequest, SearchState
 from clutchid.estimation.result import Fit
 from clutchid.files import small_file, write_text
-from clutchid.files.records import LARGEST_TOML, Rule, covariance_problem, plain, read, table, toml_of
+from clutchid.files.records import LARGEST_TOML, Rule, covariance_problem, plain, read_record, table, toml_of
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -263,7 +263,7 @@ def search_in(section: object) -> SearchState:
     ParameterError
         If an entry cannot be understood.
     """
-    return read(SearchState, section, "[fit.search]", _RULES)
+    return read_record(SearchState, section, "[fit.search]", _RULES)
 
 
 def calibration_section(calibration: Calibration, baseline: Calibration | None = None) -> dict[str, Any]:
@@ -289,7 +289,7 @@ def calibration_in(section: object, load_names: Sequence[str], method: str, file
     for name in _LACKING.keys() & section.keys():
         if isinstance(section[name], Mapping):
             entries[name] = {**_LACKING[name], **section[name]}
-    calibration = read(Calibration, entries, "[fit.calibration]", _RULES)
+    calibration = read_record(Calibration, entries, "[fit.calibration]", _RULES)
     weights, errors = len(calibration.theta), calibration.position_only
     if weights not in (0, len(load_names)):
         raise ParameterError(f"[fit.calibration] theta: {weights} numbers for {len(load_names)} load weights.")

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
-from clutchid.files.records import Rule, collected, read, table
+from clutchid.files.records import Rule, collected, read_record, table
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import Model
 from clutchid.model.equipment import Equipment
@@ -117,7 +117,7 @@ def actuator_in(document: Mapping[str, Any], own_model: OwnModel | None, problem
         If the file is for another model than `own_model`, which alone could say what is wrong with the rest.
     """
     before, values = len(problems), dict(document.get("parameters", {}))
-    section = collected(problems, read, _ModelSection, document.get("model", {}), "[model]", _RULES)
+    section = collected(problems, read_record, _ModelSection, document.get("model", {}), "[model]", _RULES)
     equipment = _equipment(document, problems)
     load, period = None, None
     if section is not None:
@@ -308,8 +308,8 @@ def _recording(stem: str, entry: Any, names: Sequence[str]) -> tuple[Starts, dic
     problems = unknown_names(entry, (*keys, *names), f"entry of {where}")
     lists = {key: value for key, value in entry.items() if key in keys}
     single = {name: value for name, value in entry.items() if name in names}
-    starts = collected(problems, read, _Starts, lists, where, _RULES)
-    own = collected(problems, read, dict[str, float], single, where, _RULES)
+    starts = collected(problems, read_record, _Starts, lists, where, _RULES)
+    own = collected(problems, read_record, dict[str, float], single, where, _RULES)
     if starts is not None and len({*map(len, starts)}) > 1:
         counts = " and ".join(str(len(column)) for column in starts)
         problems.append(f"{where}: {in_words} must have the same length; they have {counts} entries.")

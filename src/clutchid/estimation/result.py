@@ -13,7 +13,7 @@ from clutchid.errors import SolveError
 from clutchid.estimation.request import SearchState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import Assumption
-from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
+from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import made_anew
@@ -338,10 +338,6 @@ def _errors(sums: Mapping[str, tuple[float, int]]) -> Errors:
         rms("pressure_a") if pressure else None,
         sums["pressure_a"][0] if pressure else None,
     )
-
-
-#: Points of a load curve, from 0 to the full stroke.
-POINTS = 101
 
 
 class Compared(NamedTuple):

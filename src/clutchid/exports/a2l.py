@@ -19,7 +19,7 @@ from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 
 #: Limits of what has none: FLOAT32 holds them in every unit.
-UNLIMITED = 1e30
+_UNLIMITED = 1e30
 
 #: Numbers of an unsigned integer of 32 bits.
 COUNTS = (0.0, 2.0**32 - 1.0)
@@ -33,7 +33,7 @@ class Unit(NamedTuple):
     factor: float = 1.0
 
 
-class Item(NamedTuple):
+class MemoryItem(NamedTuple):
     """A quantity in the memory of a control unit.
 
     `symbol` is a C expression without the prefix of the export; `low` and `high` are limits as shown; `size` counts the
@@ -51,10 +51,10 @@ class Item(NamedTuple):
     mask: str = ""
 
 
-COUNT, FLAG, TRUST = Unit("count", ""), Unit("flag", ""), Unit("trust", "")
+_COUNT, FLAG, TRUST = Unit("count", ""), Unit("flag", ""), Unit("trust", "")
 
 #: Units by their text in SI, in ASCII. Another one is shown as it is.
-UNITS = {
+_UNITS = {
     "1": Unit("ratio", ""),
     "m": Unit("mm", "mm", 1e3),
     "m/s": Unit("mm_s", "mm/s", 1e3),
@@ -98,7 +98,7 @@ def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> 
         values=values,
         axis=axis,
         curves=curves,
-        units=[unit for unit in units if unit not in (COUNT, FLAG, TRUST)],
+        units=[unit for unit in units if unit not in (_COUNT, FLAG, TRUST)],
     )
     return _ascii(text)
 
@@ -123,37 +123,39 @@ def unit_of(si: str) -> Unit:
     """Unit that a tool shows for one in SI."""
     shown = _ascii(si)
     name = re.sub(r"\W", "_", shown.replace("^", "").replace("/", "_per_").replace("-", "minus"))
-    return UNITS.get(shown, Unit(f"si_{name}", shown))
+    return _UNITS.get(shown, Unit(f"si_{name}", shown))
 
 
-def _item(name: str, symbol: str, meaning: str, si: str, limits: Sequence[float], real: str, size: int = 1) -> Item:
+def _item(
+    name: str, symbol: str, meaning: str, si: str, limits: Sequence[float], real: str, size: int = 1
+) -> MemoryItem:
     """A quantity with limits in SI."""
     unit = unit_of(si)
-    low, high = np.clip(np.array(limits) * unit.factor, -UNLIMITED, UNLIMITED).tolist()
-    return Item(name, symbol, " ".join(meaning.split()), unit, low, high, real, size)
+    low, high = np.clip(np.array(limits) * unit.factor, -_UNLIMITED, _UNLIMITED).tolist()
+    return MemoryItem(name, symbol, " ".join(meaning.split()), unit, low, high, real, size)
 
 
-def _outputs(observer: Observer, real: str) -> Iterator[Item]:
+def _outputs(observer: Observer, real: str) -> Iterator[MemoryItem]:
     p = observer.actuator.parameters
     limits = {"Pa": (0.0, 2.0 * p.P_S), "m": (-2.0 * p.y_max, 2.0 * p.y_max), "m/s": (-10.0, 10.0), "1": (0.0, 1e6)}
     for field, output in OUTPUTS.items():
         if output.unit:
             yield _item(field, f"output.{field}", output.meaning, output.unit, limits[output.unit], real)
         else:
-            unit, ends = (TRUST, (0.0, 2.0)) if field == "trust" else (COUNT, COUNTS)
-            yield Item(field, f"output.{field}", output.meaning, unit, *ends, "ULONG")
+            unit, ends = (TRUST, (0.0, 2.0)) if field == "trust" else (_COUNT, COUNTS)
+            yield MemoryItem(field, f"output.{field}", output.meaning, unit, *ends, "ULONG")
 
 
-def _flags() -> Iterator[Item]:
+def _flags() -> Iterator[MemoryItem]:
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
-        yield Item(f"flag.{flag}", "output.flags", meaning, FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}")
+        yield MemoryItem(f"flag.{flag}", "output.flags", meaning, FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}")
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
-        yield Item(
-            f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", COUNT, *COUNTS, "ULONG"
+        yield MemoryItem(
+            f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", _COUNT, *COUNTS, "ULONG"
         )
 
 
-def _adapted(joint: JointFilter, real: str) -> Iterator[Item]:
+def _adapted(joint: JointFilter, real: str) -> Iterator[MemoryItem]:
     """Parameters and load weights as they are known now."""
     actuator = joint.mapped.actuator
     for coordinate, place in zip(joint.coordinates, joint.free.places.tolist(), strict=True):
@@ -171,7 +173,7 @@ def _weight_limits(joint: JointFilter) -> tuple[float, float]:
     return -largest, largest
 
 
-def _free(joint: JointFilter, real: str) -> Iterator[Item]:
+def _free(joint: JointFilter, real: str) -> Iterator[MemoryItem]:
     """Means of the parameters that adapt."""
     actuator = joint.mapped.actuator
     for j, coordinate in enumerate(joint.coordinates):
@@ -184,7 +186,7 @@ def _free(joint: JointFilter, real: str) -> Iterator[Item]:
             yield _item(name, at, f"{row.meaning}, before it adapts", row.unit, (row.low, row.high), real)
 
 
-def _fixed(joint: JointFilter, real: str) -> Iterator[Item]:
+def _fixed(joint: JointFilter, real: str) -> Iterator[MemoryItem]:
     """Values of the parameters that act and do not adapt: of the equations, then of the sensors."""
     actuator, adapting = joint.mapped.actuator, {c.base for c in joint.coordinates}
     acting = actuator.acting - adapting
@@ -196,7 +198,7 @@ def _fixed(joint: JointFilter, real: str) -> Iterator[Item]:
         yield _item(name, f"data.derived.{at[name]}", row.meaning, row.unit, (row.low, row.high), real)
 
 
-def _curves(observer: Observer, real: str) -> Iterator[Item]:
+def _curves(observer: Observer, real: str) -> Iterator[MemoryItem]:
     """The axis of the load, then the load and its 95 % interval over it."""
     load = observer.joint.mapped.actuator.load
     positions = load.breakpoints

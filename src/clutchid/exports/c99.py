@@ -27,8 +27,8 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import by_stroke, contradiction, health, mismatch, rest
-from clutchid.observer.following import BEYOND_STOPS, HELD
-from clutchid.observer.gaps import BRIDGED, RESOLUTION, SHORT, longest
+from clutchid.observer.following import BEYOND_STOPS, HELD_BACK
+from clutchid.observer.gaps import BRIDGED, SHORT, longest
 from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.state import FROZEN, ObserverState
 from clutchid.simulation import plan
@@ -165,8 +165,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "n_watch": values.new_watch().size,
         "clock_us": CLOCK,
         "beyond_stops": BEYOND_STOPS,
-        "held_us": round(HELD / RESOLUTION),
-        "lost_us": round(conditions.LOST / RESOLUTION),
+        "held_us": round(HELD_BACK / stroke.RESOLUTION),
         "shortest_stroke_us": round(stroke.SHORTEST / stroke.RESOLUTION),
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
@@ -212,9 +211,9 @@ def _times(observer: Observer) -> dict[str, Any]:
         "spacing_us": spacing,
         "hole_us": int(HOLE * spacing),
         "long_us": int(LONG * spacing),
-        "longest_us": int(longest(observer.spacing) / RESOLUTION),
+        "longest_us": int(longest(observer.spacing) / stroke.RESOLUTION),
         "shortest_us": round(SHORT * spacing),
-        "bridged_us": round(BRIDGED / RESOLUTION),
+        "bridged_us": round(BRIDGED / stroke.RESOLUTION),
         "past": period // spacing + 3,
     }
 

@@ -17,7 +17,7 @@ from clutchid.log.states import NOISE_SPAN, SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.following import PRESSURES
-from clutchid.observer.gaps import UNKNOWN
+from clutchid.observer.gaps import UNKNOWN_SHARE
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, KNOWN_AIR_STD, LEAK
@@ -203,7 +203,7 @@ def _noise_values(observer: Observer) -> dict[str, Any]:
     return {
         "noise": noise.tolist(),
         "flow": float(np.sqrt(both[at] ** 2 - noise[at] ** 2)),
-        "gap": float(state_deviations(actuator, joint.noise, still, np.full(1, UNKNOWN * spacing))[0, at]),
+        "gap": float(state_deviations(actuator, joint.noise, still, np.full(1, UNKNOWN_SHARE * spacing))[0, at]),
         "opens": [[p.R_0vs, p.R_1vs], [p.R_0ve, p.R_1ve]],
         "considered": [] if joint.considered is None else joint.considered.start[:, 0].tolist(),
         "source": []

@@ -41,7 +41,7 @@ _TARGETS: tuple[Target, ...] = ("c", "fmu2", "fmu3", "matlab", "a2l", "dbc")
 PAGES, _VECTORS = ("parity", "readme"), 1500
 
 #: A recording may be as much faster or slower than the observer, as a share of its rate.
-RATE = 0.05
+_RATE = 0.05
 
 #: Note on a calibration that was made without them.
 NO_POSITION_ONLY = (
@@ -197,7 +197,7 @@ def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
 def _at_rate(log: Log, observer: Observer) -> Log:
     interval = sample_interval(log.time, observer.spacing)
-    if abs(interval / observer.spacing - 1.0) > RATE:
+    if abs(interval / observer.spacing - 1.0) > _RATE:
         raise DataError(
             f"{log.name}: a sample every {interval * 1e3:.4g} ms, but the observer is for one every "
             f"{observer.spacing * 1e3:.4g} ms; give a recording at its rate, or leave --check out."

@@ -15,7 +15,7 @@ from unicodedata import combining, normalize
 import numpy as np
 
 from clutchid.documents.fit_json import change_json, comparison_json, curve_json, origin_json
-from clutchid.documents.fit_sections import meaning
+from clutchid.documents.fit_sections import parameter_meaning
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import comparison
 from clutchid.estimation.assess.evidence import reach
@@ -218,7 +218,7 @@ def _parameter(fit: Fit, name: str, value: float, estimate: Estimate | None) -> 
         "low": low,
         "high": high,
         "unit": fit.actuator.unit(ParameterName.parse(name).base),
-        "meaning": meaning(fit, name),
+        "meaning": parameter_meaning(fit, name),
     }
 
 

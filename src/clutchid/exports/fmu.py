@@ -38,7 +38,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.model.equipment import Equipment
 from clutchid.model.own.units import dimension_of
-from clutchid.observer.by_stroke import positions
+from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
@@ -169,7 +169,7 @@ def observer_fmu(
         "fields": [name for name, output in OUTPUTS.items() if output.unit],
         "counts": [name for name, output in OUTPUTS.items() if not output.unit],
         "free": free,
-        "curve": positions(observer).size,
+        "curve": curve_positions(observer).size,
         "carrier_us": carrier_us(joint.mapped.actuator) if carrier else 0,
         "spacing": observer.spacing,
         "longest": observer.spacing,
@@ -283,7 +283,7 @@ def _of_observer(observer: Observer, state: ObserverState, version: Version) -> 
 
 def _curves(observer: Observer) -> Iterator[Variable]:
     """Arrays of the load over the stroke: positions, which an importer may change, load and ends of its interval."""
-    grid = positions(observer).tolist()
+    grid = curve_positions(observer).tolist()
     where = Array("curve.position", "positions of the load curve")
     for i, position in enumerate(grid, 1):
         yield Variable(f"curve.position.{i}", "", "parameter", "m", position, "tunable", array=where)

@@ -13,7 +13,7 @@ from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_ver
 from clutchid.log import FloatArray
 from clutchid.measurements.formats.can.dbc import Signal
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import curve, positions
+from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import LiveRun, due
 from clutchid.observer.recording import ObservedRecording
@@ -44,10 +44,10 @@ def _words(*rows: tuple[str, float, float, str, str]) -> tuple[Signal, ...]:
 
 _BITS = {"used": "The position of the sample was usable.", **FLAGS, **LIVE_FLAGS}
 
-TRUST = Signal("trust", 62, 2, comment="Trust in the load so far.")
+TRUST_FRAME = Signal("trust", 62, 2, comment="Trust in the load so far.")
 
 #: All messages.
-STATE = ResultMessage("ClutchState", 0x6E0, _words(
+_STATE = ResultMessage("ClutchState", 0x6E0, _words(
     ("position", 0.001, -5.0, "mm", "Position of the piston."),
     ("velocity", 0.05, -1600.0, "mm/s", "Velocity of the piston."),
     ("pressure_a", 0.02, 0.0, "kPa", "Absolute pressure in chamber A."),
@@ -62,15 +62,15 @@ LOAD = ResultMessage("ClutchLoad", 0x6E1, _words(
 _HEALTH = ResultMessage("ClutchHealth", 0x6E2, (
     Signal("sample_time", 0, 32, scale=0.001, unit="s", comment="Time of the sample of these three frames."),
     *(Signal(name, 32 + i, 1, comment=meaning) for i, (name, meaning) in enumerate(_BITS.items())),
-    TRUST,
+    TRUST_FRAME,
 ))  # fmt: skip
-MESSAGES = (STATE, LOAD, _HEALTH)
+MESSAGES = (_STATE, LOAD, _HEALTH)
 
 #: Identifier and payload of a frame.
-Frame = tuple[int, bytes]
+_Frame = tuple[int, bytes]
 
 
-def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, every: float, sent: int) -> list[Frame]:
+def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, every: float, sent: int) -> list[_Frame]:
     """Frames of a block: for each published sample its state, a point of the load curve, and the flags of the block.
 
     Parameters
@@ -88,7 +88,7 @@ def observe_frames(before: LiveRun, after: LiveRun, part: ObservedRecording, eve
     }
     half = QUANTILE * part.deviation("p_A")[rows]
     state = [states["position"] / MM, states["velocity"] / MM, states["pressure_a"] / 1e3, half / 1e3]
-    grid = positions(after.observer)
+    grid = curve_positions(after.observer)
     load = curve(after.observer, after.after, grid[(sent + np.arange(rows.size)) % grid.size])
     strokes = np.full(rows.size, float(after.after.strokes.ended % 0xFFFF))
     points = [load.position / MM, load.force, load.high - load.force, strokes]
@@ -162,6 +162,8 @@ def _dbc_lines(messages: Sequence[ResultMessage], cycle: int) -> Iterator[str]:
             if signal.length > 1:
                 unknown = f'{(1 << signal.length) - 1} "unknown"'
                 words = (
-                    " ".join(f'{level} "{word}"' for level, word in enumerate(TRUSTS)) if signal is TRUST else unknown
+                    " ".join(f'{level} "{word}"' for level, word in enumerate(TRUSTS))
+                    if signal is TRUST_FRAME
+                    else unknown
                 )
                 yield f"VAL_ {message.identifier} {signal.name} {words} ;"

@@ -18,7 +18,7 @@ from clutchid.exports.outputs import OUTPUTS
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import curve, positions
+from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.observer import Observer, start
 from clutchid.observer.recording import follow_block
@@ -32,7 +32,7 @@ _SENSOR_NOISE = 1e-5
 SAMPLE = ("position", "duty_supply", "duty_exhaust", "pressure_supply", "temperature_ambient")
 
 #: Columns of the results of a sample in C, see ``replay.c``.
-COLUMNS = tuple(OUTPUTS)
+RESULT_COLUMNS = tuple(OUTPUTS)
 
 #: Fields of NAME_band_t: the load, its band, and that if the supply is as calibrated.
 BAND = 5
@@ -161,9 +161,9 @@ def replay_source(observer: Observer, style: CStyle, begins: int) -> str:
     """The program in C that follows recordings whose clock begins at these microseconds."""
     values = {
         **style.values,
-        "positions": positions(observer).tolist(),
+        "positions": curve_positions(observer).tolist(),
         "begins_us": begins,
-        "outputs": COLUMNS,
+        "outputs": RESULT_COLUMNS,
     }
     return template("replay.c.j2", "clutchid.exports").render(values)
 
@@ -207,10 +207,13 @@ def replayed(program: Path, observer: Observer, log: Log) -> Replayed:
     ExportError
         If it fails.
     """
-    values = np.frombuffer(_checked([str(program)], samples_of(log).tobytes()))
-    n, m = len(log) * len(COLUMNS), BAND * positions(observer).size
+    air = [repr(kelvin) for kelvin in log.columns.get("temperature_ambient", np.zeros(0))[:1].tolist()]
+    values = np.frombuffer(_checked([str(program), *air], samples_of(log).tobytes()))
+    n, m = len(log) * len(RESULT_COLUMNS), BAND * curve_positions(observer).size
     outputs, load, rest = values[:n], values[n : n + m], values[n + m :]
-    return Replayed(outputs.reshape(-1, len(COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :])
+    return Replayed(
+        outputs.reshape(-1, len(RESULT_COLUMNS)), load.reshape(-1, BAND), rest[: -len(FLAGS)], rest[-len(FLAGS) :]
+    )
 
 
 def _checked(command: list[str], stdin: bytes) -> bytes:
@@ -236,9 +239,11 @@ def parity(observer: Observer, state: ObserverState, log: Log, in_c: Replayed) -
         "innovation_std": (std, "m"),
         "rest": (expected.rest, "m"),
     }
-    differences = [_worst(name, in_c.outputs[:, COLUMNS.index(name)], *column) for name, column in columns.items()]
-    load = curve(observer, after, positions(observer))
-    half = QUANTILE * observer.load_deviation(after, positions(observer), as_calibrated=True)
+    differences = [
+        _worst(name, in_c.outputs[:, RESULT_COLUMNS.index(name)], *column) for name, column in columns.items()
+    ]
+    load = curve(observer, after, curve_positions(observer))
+    half = QUANTILE * observer.load_deviation(after, curve_positions(observer), as_calibrated=True)
     band = np.stack([load.force, load.low, load.high, load.force - half, load.force + half], axis=1)
     differences.append(Difference("load and band", float(np.abs(in_c.load - band).max()), "N", None))
     prior = np.linalg.norm(observer.prior.root, axis=1)
@@ -257,7 +262,7 @@ def parity(observer: Observer, state: ObserverState, log: Log, in_c: Replayed) -
         pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
         differences=tuple(differences),
         flags=flags,
-        strokes=(after.strokes.ended, int(in_c.outputs[-1, COLUMNS.index("strokes")])),
+        strokes=(after.strokes.ended, int(in_c.outputs[-1, RESULT_COLUMNS.index("strokes")])),
     )
 
 

@@ -18,13 +18,13 @@ TOLERANCE = {"float": 1e-3, "double": 1e-6}
 _LESS_EXACT = {"pressure_a_std": 300.0, "velocity": 10.0, "innovation": 20.0, "innovation_std": 20.0}
 
 #: Clock of the mps2-an386 in Hz.
-CLOCK = 25_000_000
+_CLOCK = 25_000_000
 
 #: Fixed spacing of the example's timer in us.
 SPACING = 1000
 
 #: Flags that save a fifth of the instructions: products are added without rounding, square roots need no call.
-FAST = ("-ffp-contract=fast", "-fno-math-errno")
+FAST_FLAGS = ("-ffp-contract=fast", "-fno-math-errno")
 
 #: Flag of NAME.c, whose own work is little: it saves 2 kB of flash and adds 20 instructions a sample
 #: (``python benchmarks/export.py --costs``).
@@ -59,9 +59,9 @@ def example_files(style: CStyle) -> dict[str, str]:
     values = {
         **style.values,
         "spacing_us": SPACING,
-        "clock_hz": CLOCK,
+        "clock_hz": _CLOCK,
         "values": OUTPUTS,
-        "fast": FAST,
+        "fast": FAST_FLAGS,
         "small": SMALL,
     }
     names = {

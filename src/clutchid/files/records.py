@@ -77,7 +77,7 @@ class Rule(NamedTuple):
 def table(record: Any, names: Iterable[str] = ()) -> dict[str, Any]:
     """The table of a record, with the fields `names` in this order, by default all.
 
-    None and NaN are left out, and what has no elements where it may be left out: `read` then takes the default.
+    None and NaN are left out, and what has no elements where it may be left out: `read_record` then takes the default.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def plain(value: Any) -> Any:
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def read(kind: type[T], content: object, where: str, rules: Mapping[str, Rule] = MappingProxyType({})) -> T:
+def read_record(kind: type[T], content: object, where: str, rules: Mapping[str, Rule] = MappingProxyType({})) -> T:
     """The record, or value of another type, that `table` or `plain` made of it.
 
     Parameters
@@ -191,7 +191,7 @@ def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any
         wanted = entries or dict.fromkeys(content, (inner[-1], True))
         problems = unknown_names(content, tuple(wanted), f"entry of {where}")
         values = {
-            name: collected(problems, read, entry, content.get(name, MISSING), _place(where, name, entry), rules)
+            name: collected(problems, read_record, entry, content.get(name, MISSING), _place(where, name, entry), rules)
             for name, (entry, required) in wanted.items()
             if required or name in content
         }

@@ -23,7 +23,7 @@ from clutchid.names import printable
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 #: Functions that write a log, by suffix.
 _WRITERS = {
@@ -98,7 +98,7 @@ def read(
     return log
 
 
-def read_each(items: Iterable[Item], read_one: Callable[[Item], Log]) -> list[Log]:
+def read_each(items: Iterable[_Item], read_one: Callable[[_Item], Log]) -> list[Log]:
     """The recordings that `read_one` makes of `items`.
 
     Raises

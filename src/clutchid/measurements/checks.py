@@ -14,7 +14,7 @@ from clutchid.log import INPUTS, FloatArray
 from clutchid.log.units import UNITS, to_si
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.source import Places, Rows, Table
-from clutchid.measurements.time_axis import holes, usual_interval
+from clutchid.measurements.time_axis import hole_starts, usual_interval
 from clutchid.messages import SHOWN, listed, quantity
 
 #: Ambient pressure in Pa that is added to gauge pressures where none is known: the standard atmosphere, ISO 2533.
@@ -167,7 +167,7 @@ def _gaps(columns: Sequence[_Column]) -> list[str]:
 def _hole_warning(column: _Column) -> list[str]:
     """Warning about holes in a time that is repaired."""
     time, places = column.values, column.places
-    after = holes(time)
+    after = hole_starts(time)
     if not after.size:
         return []
     shown = [

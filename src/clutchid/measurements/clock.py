@@ -22,7 +22,7 @@ from clutchid.messages import SHOWN, listed, quantity
 WINDOW = 0.05
 
 #: Time in s by which a stamp may lie ahead of the latest one without a second sample that confirms it.
-JUMP = 0.2
+JUMP_AHEAD = 0.2
 
 #: Gap between two runs that are placed one after the other, which is long enough to be a hole: in usual intervals; and
 #: at least, in s, longer than what is bridged on line, or a step is judged over; and where several messages share it.
@@ -71,7 +71,7 @@ class Tolerance:
         """
         hole = HOLE * usual
         behind, least = max(WINDOW if shared else late, hole), _APART_SHARED if shared else _APART_LEAST
-        return cls(usual, behind, max(JUMP, hole), max(least, _APART * usual))
+        return cls(usual, behind, max(JUMP_AHEAD, hole), max(least, _APART * usual))
 
     def goes_on(self, step: float) -> bool:
         """Whether a step in s from the greatest stamp before does not cut the clock."""
@@ -162,7 +162,7 @@ def shifts_of(
     """The shift in s of each run, NaN where its stamps are left out; the changes; and the clock after them.
 
     Unless these are the runs of the `whole` recording, the last ones have no shift yet where stamps that come later may
-    still show that the clock goes on as before: for `JUMP` s after it has jumped.
+    still show that the clock goes on as before: for `JUMP_AHEAD` s after it has jumped.
 
     Examples
     --------
@@ -252,7 +252,7 @@ def _return(runs: Sequence[Run], i: int, written: float, tolerance: Tolerance, *
 def _short(runs: Sequence[Run]) -> bool:
     """Whether a jump to these runs is so short that its end is waited for."""
     size, last = sum(run.size for run in runs), max(run.last for run in runs)
-    return size <= LONE or (len(runs) <= _AHEAD and size <= _HELD and last - runs[0].first < JUMP)
+    return size <= LONE or (len(runs) <= _AHEAD and size <= _HELD and last - runs[0].first < JUMP_AHEAD)
 
 
 def _span(runs: Sequence[Run], usual: float) -> float:
@@ -330,7 +330,7 @@ def matched(
         shown = " and ".join(str(count) for count in sorted(counts))
         return [], changes, _apart_sentence(f"{shown} times")
     common = [0.0]
-    slack = max(JUMP, HOLE * max(tolerance.usual for tolerance in tolerances))
+    slack = max(JUMP_AHEAD, HOLE * max(tolerance.usual for tolerance in tolerances))
     for same in zip(*steps, strict=True):
         ends = [change.before for change in same]
         if max(ends) - min(ends) > slack + _NEAR * abs(max(ends)):

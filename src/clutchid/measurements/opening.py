@@ -21,8 +21,8 @@ from clutchid.files import plain_file, reason_of
 from clutchid.measurements.formats.kinds import readable_kind
 from clutchid.measurements.formats.opening import opened_here
 from clutchid.measurements.grids import with_own_grids
-from clutchid.measurements.reader_service import Message, decoded, encoded
-from clutchid.measurements.source import BLOCK, Source, Table, joined
+from clutchid.measurements.reader_service import ServiceMessage, decoded, encoded
+from clutchid.measurements.source import BLOCK, Source, Table, joined_tables
 from clutchid.processes import Limits, Worker, WorkerEnd
 
 #: Kinds of text that are read in this process, by our own code.
@@ -144,7 +144,7 @@ class ReaderProcess:
             "clutchid.measurements.reader_service:reader_service", allocations=2 * memory(), environment=environment
         )
 
-    def ask(self, question: Message, path: Path) -> Message:
+    def ask(self, question: ServiceMessage, path: Path) -> ServiceMessage:
         """The answer to a question about the file at `path`.
 
         Raises
@@ -173,7 +173,7 @@ class ReaderProcess:
         return message
 
 
-def _error(message: Message, path: Path) -> DataError | MissingExtra:
+def _error(message: ServiceMessage, path: Path) -> DataError | MissingExtra:
     """The error that the reader process answered with."""
     texts = {
         "data": message["text"],
@@ -229,7 +229,7 @@ def _guarded_source(path: Path, dbc: Sequence[Path], kind: str) -> Source:
         if rows is not None or source.format == "CSV":
             yield from blocks(raster, columns, rows)
         elif parts := list(blocks(raster, columns, BLOCK)):
-            yield joined(parts)
+            yield joined_tables(parts)
 
     weakref.finalize(tables, process.forgotten.append, file)
     return replace(source, tables=tables)

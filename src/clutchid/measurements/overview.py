@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.log import HOLE, FloatArray
 from clutchid.measurements.map.proposal import Proposal
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import intervals, usual_interval
+from clutchid.measurements.time_axis import sample_intervals, usual_interval
 from clutchid.messages import SHOWN, listed, sample_count, text_table
 from clutchid.names import printable
 
@@ -85,7 +85,7 @@ def updated(before: TimeAxis | None, time: FloatArray, places: Places) -> TimeAx
     stamps = time[rows]
     axis = before or TimeAxis(float(stamps[0]), math.nan, math.inf, usual_interval(stamps), -math.inf, 0, ())
     joined = stamps if before is None else np.r_[before.last, stamps]
-    steps = intervals(joined)
+    steps = sample_intervals(joined)
     after = np.flatnonzero(steps > HOLE * axis.usual)
     offset = joined.size - stamps.size  # 1 if the interval to the previous block is included
     shown = tuple(

@@ -25,13 +25,13 @@ from clutchid.messages import shortened
 from clutchid.processes.frames import MessagePart, MessageParts
 from clutchid.processes.serving import Service
 
-Message = dict[str, Any]
+ServiceMessage = dict[str, Any]
 
 #: Records that a message may hold.
 _RECORDS = {record.__name__: record for record in (Source, Raster, Heading, Table, Places)}
 
 
-def encoded(message: Message) -> MessageParts:
+def encoded(message: ServiceMessage) -> MessageParts:
     """One message as parts of bytes: what it holds but for arrays, and these as floats or integers of 64 bits.
 
     Paths and functions are left out.
@@ -40,9 +40,9 @@ def encoded(message: Message) -> MessageParts:
     return [json.dumps(_plain(message, arrays)).encode("ascii"), *(array.data for array in arrays)]
 
 
-def decoded(parts: MessageParts) -> Message:
+def decoded(parts: MessageParts) -> ServiceMessage:
     """The message; its sequences are tuples."""
-    message: Message = _restored(json.loads(bytes(parts[0])), iter(parts[1:]))
+    message: ServiceMessage = _restored(json.loads(bytes(parts[0])), iter(parts[1:]))
     return message
 
 
@@ -82,7 +82,7 @@ def reader_service() -> Service:
     return Service(lambda question: encoded(_answered(files, decoded(question))), files.read_ahead)
 
 
-def _answered(files: _OpenFiles, question: Message) -> Message:
+def _answered(files: _OpenFiles, question: ServiceMessage) -> ServiceMessage:
     """The answer, or the failure."""
     try:
         return files.answer(question)
@@ -98,7 +98,7 @@ def _answered(files: _OpenFiles, question: Message) -> Message:
         return _failure("unexpected", shortened(f"{type(error).__name__}: {error}", 200))
 
 
-def _failure(kind: str, text: str) -> Message:
+def _failure(kind: str, text: str) -> ServiceMessage:
     return {"failed": kind, "text": text, "traceback": traceback.format_exc()}
 
 
@@ -111,7 +111,7 @@ class _OpenFiles:
         self._count = 0
         self._last: _TablesAhead | None = None
 
-    def answer(self, question: Message) -> Message:
+    def answer(self, question: ServiceMessage) -> ServiceMessage:
         """Answer a question, and close files and tables that are not needed any more."""
         for number in question["forget"]:
             self._sources.pop(number, None)
@@ -124,19 +124,19 @@ class _OpenFiles:
         if self._last is not None:
             self._last.read_ahead()
 
-    def _open(self, question: Message) -> Message:
+    def _open(self, question: ServiceMessage) -> ServiceMessage:
         source = opened_here(Path(question["path"]), [Path(name) for name in question["dbc"]], question["kind"])
         self._count += 1
         self._sources[self._count] = source
         return {"number": self._count, "source": source}
 
-    def _begin(self, question: Message) -> Message:
+    def _begin(self, question: ServiceMessage) -> ServiceMessage:
         tables = self._sources[question["number"]].tables(question["raster"], question["columns"], question["rows"])
         self._count += 1
         self._tables[self._count] = _TablesAhead(tables)
         return {"number": self._count}
 
-    def _next(self, question: Message) -> Message:
+    def _next(self, question: ServiceMessage) -> ServiceMessage:
         self._last = self._tables[question["number"]]
         table = self._last.next()
         return {"table": None if table is None else replace(table, headings=())}  # which the other side has

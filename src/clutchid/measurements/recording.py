@@ -26,7 +26,7 @@ from clutchid.measurements.source import BLOCK, Places, Rows, Source, Table, wit
 from clutchid.measurements.sparse import by_presence
 from clutchid.messages import sample_count
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4
@@ -175,7 +175,7 @@ def _stream(blocks: Iterator[time_axis.SampleBlock], chosen: PickedChannels) -> 
     return usual, time_axis.ChannelStream(_again(first, blocks), chosen.longest(usual))
 
 
-def _again(first: list[Item], rest: Iterator[Item]) -> Iterator[Item]:
+def _again(first: list[_Item], rest: Iterator[_Item]) -> Iterator[_Item]:
     """Items that were taken from an iterator, kept no longer than needed, and the rest of them."""
     while first:
         yield first.pop(0)

@@ -96,7 +96,7 @@ class Table:
             yield part if begin == 0 else replace(part, problems=())
 
 
-def joined(tables: Sequence[Table]) -> Table:
+def joined_tables(tables: Sequence[Table]) -> Table:
     """Consecutive tables as one, with the headings of the first."""
     first = tables[0]
     if len(tables) == 1:

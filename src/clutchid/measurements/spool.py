@@ -28,7 +28,7 @@ from clutchid.systems import give_memory_back, lock, replace, reserve
 
 #: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
 #: before: a short one takes more than its numbers.
-PIECE, BLOCKS = 1 << 19, 64
+PIECE, _BLOCKS = 1 << 19, 64
 
 #: Suffixes of files that can be written piece by piece.
 SPOOLED = (".parquet", ".csv")
@@ -299,7 +299,7 @@ def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tupl
         if len(block) or not (held or groups.footer):
             held.append(block)
             size += len(block) * (1 + len(block.columns))
-        if len(held) >= BLOCKS:
+        if len(held) >= _BLOCKS:
             held[:] = [concatenated(held)]
         if size >= PIECE or (now and size):
             write_piece()

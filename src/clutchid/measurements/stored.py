@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.measurements.source import Source, Table, joined, no_tables
+from clutchid.measurements.source import Source, Table, joined_tables, no_tables
 
 #: Samples whose least and greatest values are kept beside a column; a plot of 1,400 pixels reads at most 360,000.
 BIN = 256
@@ -91,7 +91,7 @@ def stored(folder: Path) -> Source:
             if rows is not None:
                 yield from parts.pop().parts(rows)
         if rows is None and parts:
-            yield joined(parts)
+            yield joined_tables(parts)
 
     return replace(source, tables=tables)
 

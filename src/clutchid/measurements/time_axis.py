@@ -14,27 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.log import HOLE, INPUTS, FloatArray, Samples
-from clutchid.measurements.clock import AT_START, JUMP, Clock, Tolerance, runs_of, sentences, shifts_of
+from clutchid.measurements.clock import AT_START, JUMP_AHEAD, Clock, Tolerance, runs_of, sentences, shifts_of
 from clutchid.measurements.source import Places, Rows
 from clutchid.messages import quantity, sample_count
 
 
-def holes(time: FloatArray) -> NDArray[np.int64]:
+def hole_starts(time: FloatArray) -> NDArray[np.int64]:
     """Samples after which the interval to the next one exceeds 5 median intervals.
 
     Examples
     --------
-    >>> holes(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
+    >>> hole_starts(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
     [3]
     """
-    steps = intervals(time)
+    steps = sample_intervals(time)
     with np.errstate(over="ignore"):
         if steps.max(initial=0.0) <= HOLE * steps.min(initial=np.inf, where=steps > 0):  # none without a median
             return np.empty(0, dtype=np.int64)
         return np.flatnonzero(steps > HOLE * usual_interval(time))
 
 
-def intervals(time: FloatArray) -> FloatArray:
+def sample_intervals(time: FloatArray) -> FloatArray:
     """Interval from each sample to the next."""
     with np.errstate(over="ignore"):
         return np.diff(time)
@@ -42,7 +42,7 @@ def intervals(time: FloatArray) -> FloatArray:
 
 def usual_interval(time: FloatArray) -> float:
     """Median of the positive intervals; infinity if there are none."""
-    steps = intervals(time)
+    steps = sample_intervals(time)
     forward = steps[steps > 0]
     with np.errstate(over="ignore"):  # of two longest intervals the mean is infinite
         return float(np.median(forward)) if forward.size else math.inf
@@ -117,7 +117,7 @@ def on_clock(
     time = stamps[rows]
     with np.errstate(over="ignore"):
         steps = np.diff(time, prepend=clock.written if math.isfinite(clock.written) else np.empty(0))
-        ordered = steps.size > 0 and 0.0 < steps.min() <= steps.max() <= min(HOLE * steps.min(), JUMP)
+        ordered = steps.size > 0 and 0.0 < steps.min() <= steps.max() <= min(HOLE * steps.min(), JUMP_AHEAD)
     if ordered and clock.shift == 0.0:
         last = float(time[-1])  # as it should be: nothing is to be found
         usual = clock.usual if math.isfinite(clock.usual) else float(steps.mean())
@@ -157,28 +157,8 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     >>> steadied(np.arange(1600) * 1e-3) is None
     True
     """
-    steps = intervals(time)
-    if steps.size < _BURSTS * _LEAST:
-        return None
-    with np.errstate(over="ignore"):
-        between = steps[steps > HOLE * np.median(steps)]
-        if between.size < _BURSTS:
-            return None
-        longest = min(JUMP, _LEAST * np.median(between))
-    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > longest)) + 1)
-    lines = [_steadied(part) for part in parts]
-    sentence = next((line[1] for line in lines if line is not None), None)
-    if sentence is None:
-        return None
-    return np.concatenate(
-        [part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]
-    ), sentence
-
-
-def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
-    """`steadied` of stamps without a gap or a step back."""
-    steps = intervals(time)
-    if steps.size < _BURSTS * _LEAST:
+    steps = sample_intervals(time)
+    if steps.size < _BURSTS * _LEAST or steps.min() < 0 or steps.max() > JUMP_AHEAD:
         return None
     ends = np.flatnonzero(steps > HOLE * np.median(steps))
     if ends.size < _BURSTS or ends.size * _LEAST > time.size or np.median(np.diff(ends)) < _LEAST:

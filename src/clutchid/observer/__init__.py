@@ -4,15 +4,14 @@ An `observer` of a calibrated actuator is a value that does not change; what it 
 comes out: `start`, then `observe` for every block of samples.
 """
 
-from clutchid.observer.by_stroke import StrokeRow, curve, estimates_of, follow_strokes, positions
+from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estimates_of, follow_strokes
 from clutchid.observer.following import Observed, observe
 from clutchid.observer.observer import Observer, observer, start
-from clutchid.observer.recording import POINTS, Loads, ObservedRecording, loads, observe_recording
+from clutchid.observer.recording import Loads, ObservedRecording, loads, observe_recording
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import read_state, write_state
 
 __all__ = [
-    "POINTS",
     "Loads",
     "Observed",
     "ObservedRecording",
@@ -20,13 +19,13 @@ __all__ = [
     "ObserverState",
     "StrokeRow",
     "curve",
+    "curve_positions",
     "estimates_of",
     "follow_strokes",
     "loads",
     "observe",
     "observe_recording",
     "observer",
-    "positions",
     "read_state",
     "start",
     "write_state",

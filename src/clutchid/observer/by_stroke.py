@@ -16,7 +16,7 @@ from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 
 #: Distance of two positions of the load curve of a stroke in m.
-STEP = 0.5e-3
+CURVE_STEP = 0.5e-3
 
 
 class StrokeRow(NamedTuple):
@@ -40,9 +40,9 @@ class StrokeRow(NamedTuple):
     estimates: dict[str, Estimate]
 
 
-def positions(observer: Observer) -> FloatArray:
+def curve_positions(observer: Observer) -> FloatArray:
     """Positions of the load curve of a stroke in m: from 0 to the calibrated stroke, shape (positions,)."""
-    return np.arange(0.0, observer.actuator.parameters.y_max + 1e-9, STEP)
+    return np.arange(0.0, observer.actuator.parameters.y_max + 1e-9, CURVE_STEP)
 
 
 def curve(
@@ -86,7 +86,7 @@ def follow_strokes(
         As `observe`.
     """
     after, samples, ends = observe_strokes(observer, state, block)
-    at = positions(observer)
+    at = curve_positions(observer)
     rows = [
         StrokeRow(end.latest, end.strokes.ended, curve(observer, end, at), estimates_of(observer, end)) for end in ends
     ]

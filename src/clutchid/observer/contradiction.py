@@ -13,7 +13,7 @@ from clutchid.log import FloatArray
 #: Standard deviations of an innovation that are no excess while the parameters learn, beyond which it is an outlier,
 #: and while the piston stands, when nothing is learnt and the load against a worn stop is off for a second; and the
 #: largest excess that counts. Provenance: docs/derivations_online.md.
-LEARNING, STANDING, LARGEST = 4.0, 16.0, 8.0
+LEARNING, STANDING, LARGEST_EXCESS = 4.0, 16.0, 8.0
 
 #: A sum of the excess in s from which position and duty cycles contradict each other. Provenance:
 #: docs/derivations_online.md.
@@ -24,7 +24,7 @@ CONTRADICTED = 0.3
 def excess_after(excess: float, size: float, learns: bool, seconds: float) -> float:
     """The sum of the excess after an innovation, from that before it."""
     allowance = LEARNING if learns else STANDING
-    return max(0.0, excess + seconds * min(size - allowance, LARGEST))
+    return max(0.0, excess + seconds * min(size - allowance, LARGEST_EXCESS))
 
 
 @kernel

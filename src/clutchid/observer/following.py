@@ -25,8 +25,8 @@ from clutchid.inference.filter.joint_filter import (
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
-from clutchid.observer.air import air_of_samples, at_air
-from clutchid.observer.gaps import RESOLUTION, bridged, latest_driven, longest, repeats
+from clutchid.observer.air import at_air, changes_of_air
+from clutchid.observer.gaps import bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, start, unknown
 from clutchid.observer.rest import WRONG, new_stretch, rest_pace, watch_rest
@@ -36,13 +36,13 @@ from clutchid.observer.state import (
     RestWatch,
     Sound,
     Tail,
+    filter_values,
     last_samples,
-    measured_values,
     segment_of,
     usable_positions,
 )
 from clutchid.strokes import rule
-from clutchid.strokes.stroke import BEGINS, Strokes, count_strokes
+from clutchid.strokes.stroke import BEGINS, RESOLUTION, Strokes, count_strokes
 from clutchid.strokes.values import (
     BELIEVED,
     Verdicts,
@@ -60,10 +60,10 @@ PRESSURES, BEYOND_STOPS = (0.01, 10.0), 5e-3
 
 #: Where innovations contradict the inputs, what was learnt since the last stroke is taken back, and nothing is learnt
 #: for this time in s. Provenance: docs/derivations_online.md.
-HELD = 1.0
+HELD_BACK = 1.0
 
 #: Most samples that are followed at once: where the filter diverges they are followed again.
-MOST = 1000
+_MOST = 1000
 
 
 class Observed(NamedTuple):
@@ -96,9 +96,7 @@ class Observed(NamedTuple):
     partial : (n,)
         Whether nothing is learnt from the sample, as its stroke was not followed from its beginning.
     supply_unlike : (n,)
-        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.Supply`.
-    air_refused, air_lost : (n,)
-        See `clutchid.observer.air.AirOfSamples`.
+        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.SupplyUse`.
     repeated : (n,)
         Whether a sample follows the last one so soon that it repeats it.
     """
@@ -377,7 +375,7 @@ def _piece(
             a += _first(np.isfinite(samples.position[a:b]))
         if a == b:
             break
-        end = min(b, a + MOST)
+        end = min(b, a + _MOST)
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
         partial = state.partial if state.filter else bool(samples.position[a] > BEGINS)
@@ -400,7 +398,7 @@ def _piece(
 
 def _held_until(state: ObserverState) -> float:
     """Time in s from which the parameters adapt again, after innovations have contradicted the inputs."""
-    return state.contradicted + HELD - 0.5 * RESOLUTION if math.isfinite(state.contradicted) else -math.inf
+    return state.contradicted + HELD_BACK - 0.5 * RESOLUTION if math.isfinite(state.contradicted) else -math.inf
 
 
 @lru_cache(maxsize=4)
@@ -472,7 +470,7 @@ def _followed(
     first, m = old.time.size, both.time.size
     segment = segment_of(both, joint.mapped.actuator)
     usable = usable_positions(both.position)
-    values = measured_values(both, usable, observer.supply.ratio if observer.supply else None)
+    values = filter_values(both, usable, observer.supply.ratio if observer.supply else None)
     at = state.filter or init(joint, segment, state.theta, state.T, state.G, state.wear)
     inputs = JointInputs(intervals(segment, joint.mapped.actuator, joint.noise, joint.measure), values)
     passed, end = _until_diverged(observer, at, inputs, (first, m), state.number - first)

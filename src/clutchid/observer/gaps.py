@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clutchid.inference.filter.setup import LONG
 from clutchid.log import HOLE, BoolArray, FloatArray, any_of
 from clutchid.observer.state import ObserverState, Tail
+from clutchid.strokes.stroke import RESOLUTION
 
 #: Longest time in s for which duty cycles are held where they are missing; beyond it a stretch ends. Provenance:
 #: docs/derivations_online.md.
@@ -22,14 +23,11 @@ BRIDGED = 0.02
 
 #: Standard deviation of the time that a valve is open besides its held duty cycle, as a share of the interval.
 #: Provenance: docs/derivations_online.md.
-UNKNOWN = 0.3
+UNKNOWN_SHARE = 0.3
 
 #: Share of the usual interval: in a shorter one a sample repeats the last one, as of a clock too coarse or a task that
 #: is called twice.
 SHORT = 0.1
-
-#: Resolution in s of the clock of a control unit, half of which decides nothing.
-RESOLUTION = 1e-6
 
 
 class Bridged(NamedTuple):
@@ -88,7 +86,7 @@ def bridged(
     duties, held, driven = _held(state, stamps, np.where(barriers[:, None], np.nan, measured[:, :2]), barriers)
     unknown = np.append(_driven(state) and held_before, held[:-1])[: held.size].astype(np.float64)
     unknown[own] += lost - missing
-    open_std = UNKNOWN * spacing * np.sqrt(unknown)
+    open_std = UNKNOWN_SHARE * spacing * np.sqrt(unknown)
     rows = np.full(repeated.size, -1)
     rows[at] = places
     position, supply = np.ascontiguousarray(measured[:, 2:].T)

@@ -9,12 +9,12 @@ import numpy as np
 
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
 from clutchid.observer.following import Observed, subtracted
-from clutchid.observer.mismatch import UNLIKE
+from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.observer import Observer
 from clutchid.strokes import rule
 
 #: A position further outside of the stroke than this in m is beyond the stops.
-BEYOND = 0.5e-3
+OUTSIDE_STOPS = 0.5e-3
 
 #: Meanings of the flags.
 FLAGS: Mapping[str, str] = MappingProxyType({
@@ -61,29 +61,36 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     samples : Observed
         What the observer found in the recording.
     """
-    y_max, single = observer.actuator.parameters.y_max, ~samples.repeated
-    position = log["position"] - subtracted(observer, samples.rest)
-    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
-    recorded, followed = np.isfinite(position), np.isfinite(samples.states[:, 0])
-    innovation, deviation = samples.innovations[:, 0], np.sqrt(samples.innovations[:, 1])
-    excused = samples.no_zero | samples.contradicted
-    by_sample: dict[str, BoolArray] = {  # but those that repeat others
-        "position_missing": ~recorded,
-        "position_frozen": recorded & followed & ~samples.used,
-        "position_beyond_stops": (position < -BEYOND) | (position > y_max + BEYOND),
-        "duty_missing": ~driven,
-        "diverged": recorded & driven & ~followed & ~excused,
-        "leak": samples.leaking,
-        "rest_moved": samples.rest != 0.0,
-        "contradiction": samples.contradicted,
-        "supply_unlike": samples.supply_unlike,
-        "position_none": samples.verdicts == rule.BEYOND,
-        "position_jumps": np.isin(samples.verdicts, (rule.STEP, rule.SEAM)),
-        "zero_unknown": samples.no_zero,
-        "repeated_samples": samples.verdicts == rule.REPEATED,
-        "not_learning": samples.partial,
-        "air_refused": samples.air_refused,
-        "air_lost": samples.air_lost,
+    spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
+    position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
+    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
+    recorded = np.isfinite(position)
+    followed = np.isfinite(samples.states[:, 0])
+    steps = np.diff(np.append(earlier[-1:], log.time))
+    innovation, variance = samples.innovations.T
+    corrected = np.isfinite(innovation)
+    outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
+    return {
+        "position_missing": spacing * int(np.sum(~recorded)),
+        "position_frozen": spacing * int(np.sum(recorded & followed & ~samples.used)),
+        "position_beyond_stops": spacing
+        * int(np.sum((position < -OUTSIDE_STOPS) | (position > y_max + OUTSIDE_STOPS))),
+        "duty_missing": spacing * int(np.sum(~driven)),
+        "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
+        "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
+        "diverged": spacing
+        * int(np.sum(recorded & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
+        "leak": spacing * int(np.sum(samples.leaking)),
+        "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
+        "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > MISMATCHED)),
+        "contradiction": spacing * int(np.sum(samples.contradicted)),
+        "supply_unlike": spacing * int(np.sum(samples.supply_unlike)),
+        "position_none": spacing * int(np.sum(samples.verdicts == rule.BEYOND)),
+        "position_jumps": spacing * int(np.sum(np.isin(samples.verdicts, (rule.STEP, rule.SEAM)))),
+        "zero_unknown": spacing * int(np.sum(samples.no_zero)),
+        "repeated_samples": spacing * int(np.sum(samples.verdicts == rule.REPEATED)),
+        "late_correction": 0.0,
+        "repeated": spacing * int(np.sum(samples.repeated)),
     }
     by_correction = {
         "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,

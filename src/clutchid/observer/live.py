@@ -17,7 +17,7 @@ from clutchid.observer.state import ObserverState
 from clutchid.preparation.inspection import inspect
 
 #: Time in s of the samples, and number of the strokes, that are kept for a report.
-RECENT, STROKES = 120.0, 1000
+RECENT, RECENT_STROKES = 120.0, 1000
 
 #: Time in s of the first samples that the checks of a recording look at.
 CHECKED = 30.0
@@ -62,7 +62,7 @@ class LiveRun:
         return duration(self.observer, np.array([self.begin, self.latest]))
 
     def recent(self) -> ObservedRecording:
-        """The last `RECENT` seconds and `STROKES` strokes with the states before and after the whole recording.
+        """The last `RECENT` seconds and `RECENT_STROKES` strokes with the states before and after the whole recording.
 
         The metadata are those of the latest samples, where the origin of the time moves with the clock of a bus.
         """
@@ -107,7 +107,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         run,
         after=part.after,
         parts=parts,
-        strokes=(*run.strokes, *part.strokes)[-STROKES:],
+        strokes=(*run.strokes, *part.strokes)[-RECENT_STROKES:],
         health=total,
         begin=float(block.time[0]) if len(block) and np.isnan(run.begin) else run.begin,
         latest=float(block.time[-1]) if len(block) else run.latest,
@@ -115,7 +115,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         clock=(*run.clock, *block.warnings)[-SENTENCES:],
         records_supply=run.records_supply or part.records_supply,
     )
-    return (checked(after) if last - after.begin >= CHECKED else after), part
+    return (with_check_sentences(after) if last - after.begin >= CHECKED else after), part
 
 
 def due(time: FloatArray, latest: float, every: float) -> BoolArray:
@@ -139,7 +139,7 @@ def due(time: FloatArray, latest: float, every: float) -> BoolArray:
     return number[1:] > number[:-1]
 
 
-def checked(run: LiveRun) -> LiveRun:
+def with_check_sentences(run: LiveRun) -> LiveRun:
     """The recording with the sentences of its checks, if it had none: warnings here, for it goes on."""
     if run.checked is not None or not run.usable:
         return run

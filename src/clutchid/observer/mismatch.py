@@ -18,7 +18,7 @@ MEMORY = 1000
 
 #: The calibration does not hold where the running mean is larger than the usual one by this factor. Provenance:
 #: docs/derivations_online.md.
-UNLIKE = 2.0
+MISMATCHED = 2.0
 
 
 def normalised(observer: Observer, states: FloatArray, innovations: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from clutchid.observer.prior import (
     SUPPLY_STD,
     Air,
     OnlinePrior,
-    Supply,
+    SupplyUse,
     air_of,
     considered_supply,
     deviation_by_air,
@@ -43,7 +43,7 @@ from clutchid.strokes.vented_rest import Zero
 
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
 #: a share of that of their prior. Provenance: docs/derivations_online.md.
-MEMORY, DRIFT = 0.01, 2e-4
+_MEMORY, DRIFT = 0.01, 2e-4
 
 #: Standard deviations in SI of states at the start of a stretch that is not vented, in place of those of their rows: a
 #: hole ends in any motion. The pressure is that of load and friction at the speed but for 20 kPa; bristles do not bend
@@ -51,7 +51,7 @@ MEMORY, DRIFT = 0.01, 2e-4
 _UNKNOWN_START = MappingProxyType({"v": 0.3, "z": 5e-5, "p_A": 2e4})
 
 #: Factor on the stiffness of the calibrated actuator, whose parameters adapt.
-MARGIN = 1.05
+_MARGIN = 1.05
 
 #: A leak of so many standard deviations is one. Provenance: docs/derivations_online.md.
 LEAK_FOUND = 5.0
@@ -104,7 +104,7 @@ class Observer:
     adapting: tuple[str, ...]
     spacing: float
     missed: float
-    supply: Supply | None = None
+    supply: SupplyUse | None = None
     air: Air | None = None
     calibration: Calibration | None = None
     zero: Zero = "subtract"
@@ -210,7 +210,7 @@ def observer(
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
-        memory=MEMORY,
+        memory=_MEMORY,
         unknown_start=dict(_UNKNOWN_START),
     )
     limits = np.array([0.0 if c.base == LEAK else -BOUND for c in prior.free]), np.full(len(prior.free), BOUND)
@@ -224,10 +224,10 @@ def observer(
             measure,
             noise,
             settings,
-            None if isinstance(reference, AdaptiveNumbers) else np.sqrt(DRIFT) * prior.root,
-            pace(actuator, MARGIN),
-            reference,
-            considered_supply(actuator, supply_std) if reference is None else None,
+            drifts=None if isinstance(reference, AdaptiveNumbers) else np.sqrt(DRIFT) * prior.root,
+            pace=pace(actuator, _MARGIN),
+            reference=reference,
+            considered=considered_supply(actuator, supply_std) if reference is None else None,
         ),
         prior=prior,
         adapting=adapting,

@@ -63,7 +63,7 @@ def considered_supply(actuator: Actuator, share: float) -> Considered | None:
     return Considered(start, rate)
 
 
-class Supply(NamedTuple):
+class SupplyUse(NamedTuple):
     """Use of a recorded supply pressure.
 
     `ratio` of the estimated to the recorded one in the calibration, its standard deviation as a `share` of it, and the
@@ -126,12 +126,12 @@ def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     return Air(conditions.temperature, powers)
 
 
-def supply_of(actuator: Actuator, calibration: Calibration | None) -> Supply | None:
+def supply_of(actuator: Actuator, calibration: Calibration | None) -> SupplyUse | None:
     """Ratio of the supply pressure to a recorded one by the calibration; None if it has none."""
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.supply is None or conditions.supply_estimated is None or "p_S" not in actuator.states:
         return None
-    return Supply(
+    return SupplyUse(
         conditions.supply_estimated / conditions.supply,
         sqrt(2.0) * ACCURACY["P_S"] / conditions.supply,
         conditions.supply,
@@ -146,7 +146,7 @@ BOUND = 5.0
 
 #: Positions over which modes of the load are chosen, and distance in m from which on the load that they leave out may
 #: grow in proportion to the position. Other modes need another `state_file.FORMAT`. Provenance: docs/derivations.md.
-POSITIONS, NEAR = 200, 3e-3
+_POSITIONS, NEAR = 200, 3e-3
 
 
 class OnlinePrior(NamedTuple):
@@ -215,7 +215,7 @@ def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
     """
     actuator, load = whole.actuator, whole.actuator.load
     end = actuator.parameters.y_max + BOUND * STOP_STD
-    position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, POSITIONS)))
+    position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, _POSITIONS)))
     root = whole.weights @ whole.root
     components = np.linalg.svd(load.phi(position) / (NEAR + position)[:, None] @ root)[2][:modes]
     shapes = root @ components.T

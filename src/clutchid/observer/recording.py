@@ -11,12 +11,11 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.conditions import NOT_RECORDED
-from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.inference.uncertainty.estimates import POINTS, LoadCurve
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.by_stroke import StrokeRow, curve, estimates_of, follow_strokes, positions
+from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estimates_of, follow_strokes
 from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import normalised
@@ -37,9 +36,6 @@ _INNOVATION = {
     "position": ("innovation", "innovation std"),
     "force": ("innovation_force [N]", "innovation_force_std [N]"),
 }
-
-#: Points of a load curve.
-POINTS = 101
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +131,7 @@ class ObservedRecording:
             columns[f"{name} [{unit}]"] = np.array([row.estimates[name].value for row in rows])
             columns[f"{name}_std [{unit}]"] = np.array([row.estimates[name].std for row in rows])
         for side, suffix in (("force", ""), ("low", "_low"), ("high", "_high")):
-            for i, position in enumerate(positions(self.observer).tolist()):
+            for i, position in enumerate(curve_positions(self.observer).tolist()):
                 values = np.array([getattr(row.curve, side)[i] for row in rows])
                 columns[f"load_{round(position * 1e6):05d}um{suffix} [N]"] = values
         return Log(np.array([row.time for row in rows]), columns, f"{self.log.name}.load", self.log.metadata)

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.log import BoolArray, FloatArray
 from clutchid.observer.state import RestWatch
-from clutchid.strokes.rest_level import BIN, CLOSED, CREEP, STILL
+from clutchid.strokes.rest_level import CLOSED, CREEP, LEVEL_BIN, STILL
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
 
@@ -42,7 +42,7 @@ class RestPace(NamedTuple):
 @cache
 def rest_pace(spacing: float, stroke: float) -> RestPace:
     """Numbers for samples that are `spacing` s apart, of an actuator with a stroke in m."""
-    bins = max(1, round(BIN / spacing))
+    bins = max(1, round(LEVEL_BIN / spacing))
     window = max(3, round(STILL / (bins * spacing))) * bins
     return RestPace(window, bins, CREEP * stroke / 2, max(1, round(VENTS / spacing)))
 

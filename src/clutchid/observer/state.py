@@ -68,7 +68,7 @@ def usable_positions(position: FloatArray) -> BoolArray:
     return usable
 
 
-def measured_values(samples: Tail, usable: BoolArray, supply: float | None) -> FloatArray:
+def filter_values(samples: Tail, usable: BoolArray, supply: float | None) -> FloatArray:
     """Measured values of the filter, NaN for none: the position, and the supply pressure if a ratio of it is given.
 
     It counts while no valve is open, when it is the same in the vehicle's reservoir and before the valve.

@@ -20,7 +20,7 @@ from functools import cache
 from typing import IO, Literal, NamedTuple
 
 from clutchid.processes.frames import MessageParts, receive, send
-from clutchid.systems import APART, ending, interpreter
+from clutchid.systems import DETACHED, ending, interpreter
 
 #: Interval in s at which memory and time are looked at while an answer is awaited.
 _GLANCE = 0.05
@@ -157,7 +157,7 @@ def _popen(command: list[str], environment: Mapping[str, str]) -> subprocess.Pop
         pipesize=_PIPE,
         stderr=subprocess.DEVNULL,
         env=environment,
-        **APART,  # Ctrl-C is for clutchid, which ends its workers itself
+        **DETACHED,  # Ctrl-C is for clutchid, which ends its workers itself
     )
 
 

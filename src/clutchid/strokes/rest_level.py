@@ -162,7 +162,7 @@ def _lowest(resting: FloatArray, band: float) -> float:
 
 
 #: Length of a bin in s.
-BIN = QUICKEST / 10
+LEVEL_BIN = QUICKEST / 10
 
 #: Up to this duty cycle a valve stays closed: no solenoid responds to less.
 CLOSED = 0.02
@@ -217,7 +217,7 @@ class RawBins:
 
 def samples_in_bin(interval: float) -> int:
     """Number of samples per bin at a sampling interval in s."""
-    return max(1, round(BIN / interval)) if interval > 0 else 1
+    return max(1, round(LEVEL_BIN / interval)) if interval > 0 else 1
 
 
 def raw_bins(samples: StrokeSamples, width: int, before: float) -> RawBins:

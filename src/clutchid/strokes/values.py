@@ -284,18 +284,18 @@ def with_inputs_in_range(log: Log) -> Log:
 
 
 #: A duty cycle may be as far outside 0 to 1: real numbers are rounded, on a bus to 0.01 % and more.
-ROUNDING = 1e-3
+DUTY_ROUNDING = 1e-3
 
 #: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit,
 #: and a duty cycle is refused by the observer and the simulation; a supply pressure counts as not recorded.
-_RANGES = {**dict.fromkeys(INPUTS, (-ROUNDING, 1.0 + ROUNDING)), "pressure_supply": _SUPPLY}
+_RANGES = {**dict.fromkeys(INPUTS, (-DUTY_ROUNDING, 1.0 + DUTY_ROUNDING)), "pressure_supply": _SUPPLY}
 
 
 def within_rounding(duty: FloatArray) -> FloatArray:
     """Duty cycles from 0 to 1: those that are rounded to just outside at the end of the range, NaN for no values."""
     if duty.size and duty.min() >= 0.0 and duty.max() <= 1.0:
         return duty
-    inside = (duty >= -ROUNDING) & (duty <= 1.0 + ROUNDING)
+    inside = (duty >= -DUTY_ROUNDING) & (duty <= 1.0 + DUTY_ROUNDING)
     return np.where(inside, np.clip(duty, 0.0, 1.0), np.nan)
 
 

@@ -33,7 +33,7 @@ from clutchid.truck.settings import (
     TICK,
     TICKS,
     Course,
-    Outputs,
+    RunOutputs,
     Plant,
     Settings,
 )
@@ -98,7 +98,7 @@ def store_states(x: FloatArray, states: FloatArray, k: int) -> bool:
 
 
 @kernel
-def drive(begin: Any, move: Any, plant: Plant, s: Settings, course: Course, outputs: Outputs) -> int:
+def drive(begin: Any, move: Any, plant: Plant, s: Settings, course: Course, outputs: RunOutputs) -> int:
     """Drive from the states of the plant; returns the sample at which one is not finite, or -1.
 
     The plant's kernels are ``begin(p, work)`` and ``move(x, u, p, h, substeps, breakpoints, load, work)``.

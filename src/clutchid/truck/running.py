@@ -12,7 +12,7 @@ from clutchid.log import FloatArray, read_only
 from clutchid.truck.assembly import at_rest, load_curve, numbers
 from clutchid.truck.compiled import compiled_plant, loop
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.settings import SAMPLE, Course, Outputs, Plant, Settings
+from clutchid.truck.settings import SAMPLE, Course, RunOutputs, Plant, Settings
 from clutchid.truck.structure import LEDGER
 from clutchid.truck.vehicle import Vehicle
 
@@ -24,7 +24,7 @@ class TruckRun:
     `names` are those of the states.
     """
 
-    outputs: Outputs
+    outputs: RunOutputs
     zero: float
     shift: float
     names: tuple[str, ...]
@@ -81,7 +81,7 @@ def run_truck(
     )  # fmt: skip
     wanted, forced, noise = map(read_only, (course.wanted, course.forced, course.noise))
     inputs = Course(wanted, forced, noise, course.stuck, course.shift)
-    outputs = Outputs(np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2)))
+    outputs = RunOutputs(np.empty((n, x0.size)), np.empty(n), np.empty(n), np.empty((n, 2)))
     failed = loop().drive(plant.begin, plant.move, moved, settings, inputs, outputs)
     if failed >= 0:
         when = f"{failed * SAMPLE:.3f} s"

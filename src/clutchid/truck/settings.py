@@ -52,7 +52,7 @@ class Course(NamedTuple):
     shift: float = 0.0
 
 
-class Outputs(NamedTuple):
+class RunOutputs(NamedTuple):
     """Outputs of a run at every millisecond.
 
     States of the plant, measured position [m] relative to the sensor's zero, chamber pressure after the lag of its

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.measurements.live.feed import MOST, from_descriptor, from_growing_file
+from clutchid.measurements.live.feed import MOST_BYTES, from_descriptor, from_growing_file
 
 
 def test_a_file_is_read_from_its_start_and_then_what_is_appended(tmp_path):
@@ -26,11 +26,11 @@ def test_a_file_is_read_from_its_start_and_then_what_is_appended(tmp_path):
 
 def test_what_the_file_holds_when_it_is_stopped_is_read(tmp_path):
     path, stop = tmp_path / "log.csv", threading.Event()
-    path.write_bytes(b"x" * (MOST + 7))
+    path.write_bytes(b"x" * (MOST_BYTES + 7))
     pieces = from_growing_file(path, stop.is_set)
     first = next(pieces)
     stop.set()
-    assert [len(first), *map(len, pieces)] == [MOST, 7]
+    assert [len(first), *map(len, pieces)] == [MOST_BYTES, 7]
 
 
 def replaced(path):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from clutchid.measurements.clock import JUMP, LONE, WINDOW
+from clutchid.measurements.clock import JUMP_AHEAD, LONE, WINDOW
 from clutchid.measurements.live.order import FIRST, ArrivedBatch, ArrivedSamples, final, none_waiting, sorted_in
 
 
@@ -55,7 +55,7 @@ def test_the_order_and_what_is_left_out_do_not_depend_on_how_the_samples_come(cu
         ([0.0, 0.001, 0.001, 0.001, 0.002], [2], [0, 3, 4], [0, 2, 0]),  # of equal stamps the last counts
         ([0.0, 0.1, 0.1 - 0.9 * WINDOW, 0.1 - WINDOW, 0.2], [], [0, 2, 1, 4], [1, 0, 0]),  # too late for the window
         ([0.0, 0.001, 9.0, 9.001, 9.002, 4e3, 4000.001, 4000.002], [3, 6], range(8), [0, 0, 0]),  # three are a pause
-        (np.arange(20) * 2.0 * JUMP, range(1, 20), range(20), [0, 0, 0]),  # a slow stream goes on
+        (np.arange(20) * 2.0 * JUMP_AHEAD, range(1, 20), range(20), [0, 0, 0]),  # a slow stream goes on
         ([1e9], [], [0], [0, 0, 0]),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.measurements.live.text import HEAD, LONGEST, text_blocks, text_feed
+from clutchid.measurements.live.text import HEAD_LINES, LONGEST, text_blocks, text_feed
 
 HEADER = "time [s],position [mm],duty_supply [%],duty_exhaust [1],note\n"
 
@@ -100,7 +100,7 @@ def test_the_dialect_is_that_of_the_first_lines_whatever_comes_with_them():
     (time, position, *_), _ = read(cut(text, [3]))
     assert time[-1] == 0.399
     assert position[1] == 0.125
-    assert HEAD > 101
+    assert HEAD_LINES > 101
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_what_is_no_text_with_samples_is_refused_in_a_sentence(text, words):
 
 @pytest.mark.parametrize(("later", "refused"), [(0.0, False), (0.5, True)])
 def test_a_row_has_one_time_and_others_that_differ_from_it_are_refused(later, refused):
-    rows = [f"{i / 1000},{i / 100},{i / 1000 + later},{i % 101},0,noon" for i in range(2 * HEAD)]
+    rows = [f"{i / 1000},{i / 100},{i / 1000 + later},{i % 101},0,noon" for i in range(2 * HEAD_LINES)]
     header = "time [s],position [mm],time supply [s],duty_supply [%],duty_exhaust [%],time of day"
     rows[HEAD + 50] = rows[HEAD + 50].replace(f",{(HEAD + 50) / 1000 + later},", ",spoiled,")
     text = "\n".join([header, *rows, ""]).encode()
@@ -134,5 +134,5 @@ def test_a_row_has_one_time_and_others_that_differ_from_it_are_refused(later, re
             blocks()
     else:
         arrived = blocks()
-        assert sum(len(block.log) for block in arrived) == pytest.approx(2 * HEAD, abs=100)
+        assert sum(len(block.log) for block in arrived) == pytest.approx(2 * HEAD_LINES, abs=100)
         assert not any(block.left_out.unreadable for block in arrived), "a cell that nothing reads is no problem"

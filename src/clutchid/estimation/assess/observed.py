@@ -16,7 +16,7 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.health import FLAGS
 from clutchid.observer.live import LiveRun
-from clutchid.observer.mismatch import UNLIKE
+from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.observer import Observer
 from clutchid.observer.recording import ObservedRecording
 
@@ -44,7 +44,7 @@ HALF_WIDTH = Limit(WIDE, 0.33)
 
 #: NIS in motion over that of the calibration recordings. The second is the flag `unlike_calibration`; without a fault
 #: of the truck it was at most 1.84 in a minute and 1.30 in 30 s (benchmarks/results/observer.md).
-MISMATCH = Limit(1.5, UNLIKE)
+MISMATCH = Limit(1.5, MISMATCHED)
 
 #: Share of the time of each flag. A frozen position is not among them: a quiet sensor at rest is frozen too, and its
 #: samples are left out. A leak and a divergence count however short. Guesses: gaps of 0.1 did not raise the error

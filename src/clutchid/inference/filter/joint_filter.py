@@ -198,6 +198,7 @@ def joint_filter(
     measure: Sequence[str],
     noise: Noise,
     settings: JointSettings,
+    *,
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
     reference: Reference | None = None,

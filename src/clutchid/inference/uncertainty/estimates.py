@@ -57,6 +57,10 @@ class Estimate:
         return f"{self.value:.4g} ± {self.half:.2g}{unit}"
 
 
+#: Points of a load curve, from 0 to the full stroke.
+POINTS = 101
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadCurve:
     """The load over the position with its pointwise 95 % interval, from 0 to the full stroke.

@@ -24,9 +24,9 @@ from clutchid.measurements.formats.can.streams import (
     MessageCatalogue,
     by_stream,
     catalogue,
-    in_order,
-    rasters_of,
-    values_of,
+    stream_rasters,
+    stream_values,
+    streams_in_order,
 )
 from clutchid.measurements.live.arrival import LiveBlock, live_blocks
 from clutchid.measurements.live.bus_name import BusName
@@ -49,7 +49,7 @@ MOST_TO_SEND, STALL = 512, 2.0
 #: Identifier of 11 bits and bytes of a frame.
 Payload = tuple[int, bytes]
 
-Stopped = Callable[[], bool]
+_Stopped = Callable[[], bool]
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def _open(name: BusName) -> can.BusABC:
 
 
 @contextmanager
-def sender(name: BusName, stopped: Stopped) -> Iterator[Callable[[Sequence[Payload]], str]]:
+def sender(name: BusName, stopped: _Stopped) -> Iterator[Callable[[Sequence[Payload]], str]]:
     """Function that sends payloads that belong together; it returns why the bus did not take all so far, if so.
 
     A thread of its own sends them, so that a bus that does not go on holds up nothing: it is waited for `STALL`
@@ -146,7 +146,7 @@ def _send(bus: can.BusABC, waiting: Queue[Sequence[Payload]], reasons: list[str]
 _CLOSING = 2.0
 
 
-def from_bus(name: BusName, stopped: Stopped) -> Iterator[Frames]:
+def from_bus(name: BusName, stopped: _Stopped) -> Iterator[Frames]:
     """Frames of a bus as they arrive, until it is stopped and those that came before were given.
 
     A thread of its own takes them from the bus, so that none is lost while those before are looked at.
@@ -180,7 +180,7 @@ def _read(
     bus: can.BusABC,
     waiting: deque[can.Message],
     failures: list[Exception],
-    stopped: Stopped,
+    stopped: _Stopped,
     closing: threading.Event,
 ) -> None:
     """Take messages from a bus until it is stopped, and then those that it has received already."""
@@ -206,9 +206,9 @@ def _reason(error: Exception) -> str:
 
 
 #: Time in s, by the stamps, in which every message of the recording comes once; for which one is waited at most; and
-#: frames in which they all must have come. `SLOW` is the time for channels of a map that nothing needs: pressures and
-#: temperatures are sent once a second.
-_LEARNT, SLOW, _PATIENT, MOST = 1.0, 3.0, 10.0, 1 << 17
+#: frames in which they all must have come. `SLOW_MESSAGES` is the time for channels of a map that nothing needs:
+#: pressures and temperatures are sent once a second.
+_LEARNT, SLOW_MESSAGES, _PATIENT, _MOST = 1.0, 3.0, 10.0, 1 << 17
 
 _UNREADABLE = "error frame"
 
@@ -288,13 +288,13 @@ def _learnt(
             origin = stamps[0] if np.isnan(origin) and stamps.size else origin
             latest = max(latest, stamps.max(initial=-np.inf))
             streams |= {stream: None for stream, _ in by_stream(block, lookup) if isinstance(stream, FrameStream)}
-        waited = latest - origin if sum(map(len, first)) < MOST else _PATIENT
+        waited = latest - origin if sum(map(len, first)) < _MOST else _PATIENT
         if block is not None and not waited >= _LEARNT:
             continue
         late = block is None or waited >= _PATIENT
-        wanted = required if late or waited >= SLOW or channels is None else (*required, *channels.channels)
+        wanted = required if late or waited >= SLOW_MESSAGES or channels is None else (*required, *channels.channels)
         try:
-            rasters, picks = _picked(name, in_order(streams, messages), channels, wanted)
+            rasters, picks = _picked(name, streams_in_order(streams, messages), channels, wanted)
         except DataError:
             if late:
                 raise
@@ -308,7 +308,7 @@ def _picked(
     """The streams by the index of their time grid, and the channels that the map picks."""
     if not streams:
         raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
-    picks = picked_streams(name, rasters_of(streams, {}), channels, required)
+    picks = picked_streams(name, stream_rasters(streams, {}), channels, required)
     return {stream: i for i, stream in enumerate(streams)}, picks
 
 
@@ -325,6 +325,6 @@ def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
         for i, chosen in enumerate(bus.picks):
             if isinstance(stream, FrameStream) and chosen.raster == raster:
                 stamps, data, length = all_stamps[rows], frames.data[rows], frames.length[rows]
-                table = Table(numbers=values_of(stream, chosen.indices, stamps, data, length), size=rows.size)
+                table = Table(numbers=stream_values(stream, chosen.indices, stamps, data, length), size=rows.size)
                 samples.append(arrived(i, chosen, table, ambient, rows))
     return ArrivedBatch(all_stamps, samples, unreadable)

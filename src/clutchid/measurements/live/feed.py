@@ -13,15 +13,15 @@ from clutchid.measurements.formats.kinds import head_of, kind_of
 from clutchid.systems import Incoming
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
-PACE, MOST = 0.02, 1 << 20
+PACE, MOST_BYTES = 0.02, 1 << 20
 
 #: Time in s after which a feed that waits asks whether it is stopped.
 PATIENCE = 0.1
 
-Stopped = Callable[[], bool]
+_Stopped = Callable[[], bool]
 
 
-def from_descriptor(descriptor: int, stopped: Stopped) -> Iterator[bytes]:
+def from_descriptor(descriptor: int, stopped: _Stopped) -> Iterator[bytes]:
     """Bytes of an open pipe or file as they arrive, until it ends or is stopped.
 
     Where it ends in an unfinished line, that line is ended; where it is stopped, it is not, and what was read counts.
@@ -54,7 +54,7 @@ def _collected(feed: Incoming) -> tuple[bytes, bool]:
     """Bytes that arrive within `PACE` of the first, which is waited for, and whether the feed has ended."""
     parts: list[bytes] = []
     size, until = 0, time.monotonic() + PATIENCE
-    while size < MOST and (rest := until - time.monotonic()) > 0.0:
+    while size < MOST_BYTES and (rest := until - time.monotonic()) > 0.0:
         part = feed.next(rest)
         if part is None:
             break
@@ -67,10 +67,10 @@ def _collected(feed: Incoming) -> tuple[bytes, bool]:
     return b"".join(parts), False
 
 
-def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterator[bytes]:
+def from_growing_file(path: str | os.PathLike[str], stopped: _Stopped) -> Iterator[bytes]:
     """Bytes of a file from its start, and then those that are appended, until it is stopped and its end is reached.
 
-    Where it is stopped before, it ends within `MOST` bytes.
+    Where it is stopped before, it ends within `MOST_BYTES` bytes.
 
     Raises
     ------
@@ -86,15 +86,15 @@ def from_growing_file(path: str | os.PathLike[str], stopped: Stopped) -> Iterato
             number = os.fstat(stream.fileno()).st_ino
             while True:
                 ending, trouble = stopped(), _trouble(file, number, size)
-                part = stream.read(MOST)
+                part = stream.read(MOST_BYTES)
                 size += len(part)
                 if part:
                     yield part
-                if len(part) < MOST and trouble:
+                if len(part) < MOST_BYTES and trouble:
                     raise DataError(trouble)
                 if ending:
                     return
-                if len(part) < MOST:
+                if len(part) < MOST_BYTES:
                     time.sleep(PACE)
     except OSError as error:
         if isinstance(error, DataError):

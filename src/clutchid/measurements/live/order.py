@@ -1,7 +1,7 @@
 """Streams of channels with common stamps while they arrive, on one clock as in a file, sorted by their stamps.
 
-What follows a jump waits until `clutchid.measurements.clock.JUMP` seconds of it show that it is none of a few spoiled
-stamps.
+What follows a jump waits until `clutchid.measurements.clock.JUMP_AHEAD` seconds of it show that it is none of a few
+spoiled stamps.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Mask: TypeAlias = NDArray[np.bool_]
 
 #: Lines at the start that determine the columns and how they are written: the same ones however the text is cut.
-HEAD = 120
+HEAD_LINES = 120
 
 #: Bytes of the longest line.
 LONGEST = 1 << 20
@@ -72,7 +72,7 @@ class TextFeed:
 
 
 def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
-    """CSV or JSON lines from pieces of any length; waits for the first `HEAD` lines, or the end.
+    """CSV or JSON lines from pieces of any length; waits for the first `HEAD_LINES` lines, or the end.
 
     Raises
     ------
@@ -104,13 +104,13 @@ def _raster(columns: tuple[Heading, ...]) -> Raster:
 
 
 def _head(lines: Iterator[bytes]) -> tuple[bytes, bytes]:
-    """The first `HEAD` lines, and what came with them."""
+    """The first `HEAD_LINES` lines, and what came with them."""
     text = b""
     for piece in lines:
         text += piece
-        if text.count(b"\n") >= HEAD:
+        if text.count(b"\n") >= HEAD_LINES:
             break
-    return _cut(text, HEAD)
+    return _cut(text, HEAD_LINES)
 
 
 def _cut(text: bytes, lines: int) -> tuple[bytes, bytes]:

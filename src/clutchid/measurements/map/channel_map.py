@@ -12,7 +12,7 @@ from typing import Any
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import write_text
-from clutchid.files.records import Rule, collected, read, read_toml
+from clutchid.files.records import Rule, collected, read_record, read_toml
 from clutchid.log import HOLE
 from clutchid.log.units import known_units
 from clutchid.measurements.columns import QUANTITIES, Heading, is_unit_of, unit_spelled
@@ -161,7 +161,7 @@ def read_map(path: str | PathLike[str]) -> ChannelMap:
         if name not in _TOP and (entry := _channel(name, values, problems)) is not None
     }
     top = {
-        key: collected(problems, read, kind, content[key], key, _TOP_RULES)
+        key: collected(problems, read_record, kind, content[key], key, _TOP_RULES)
         for key, kind in _TOP.items()
         if key in content
     }
@@ -246,7 +246,7 @@ def _channel(name: str, values: Any, problems: list[str]) -> Channel | None:
         return None
     units = ", ".join(known_units(QUANTITIES[name]))
     unit = Rule(f"is not known here; use one of {units}", lambda text: is_unit_of(name, unit_spelled(text)))
-    return collected(problems, read, Channel, values, f"[{name}]", {**_RULES, "unit": unit})
+    return collected(problems, read_record, Channel, values, f"[{name}]", {**_RULES, "unit": unit})
 
 
 def _relative(file: Path, folder: Path) -> str:

@@ -126,7 +126,7 @@ def _observed(
     begin: Begun, outputs: Outputs, files: FileTroubles, stopped: Stopped, *, say_checks: bool
 ) -> tuple[LiveRun, str, frozenset[str]]:
     """The recording, whose samples and strokes are written as they come; the fault that ended it; and what was said."""
-    from clutchid.observer.live import checked
+    from clutchid.observer.live import with_check_sentences
 
     run, fault, saved, count = begin.run, "", time.monotonic(), 0
     said: frozenset[str] = frozenset()
@@ -153,4 +153,4 @@ def _observed(
                 said |= {*new}
             for sink in sinks:
                 sink(before, run, part)
-    return checked(run), fault, said
+    return with_check_sentences(run), fault, said

@@ -1,7 +1,7 @@
 """Logs of frames (binary, text and tables), decoded with DBC files: a time grid a message.
 
 The frames are read once when a log is opened, to find the messages in it. Those that a DBC decodes are kept as long as
-they take no more than `KEPT` bytes; else the file is read again for each time grid.
+they take no more than `KEPT_FRAMES` bytes; else the file is read again for each time grid.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from clutchid.log import FloatArray
 from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
 from clutchid.measurements.formats.can import streams as frame_streams
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
-from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, Rows, payloads
+from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
-from clutchid.measurements.source import Places, Source, Table, refused
+from clutchid.measurements.source import Places, Rows, Source, Table, refused
 from clutchid.measurements.time_axis import usual_interval
 from clutchid.messages import listed
 
 #: Bytes of frames that are kept in memory between the passes over a log: about 15 million classic frames.
-KEPT = 1 << 28
+KEPT_FRAMES = 1 << 28
 
 _MOST_UNKNOWN = 1 << 16
 
@@ -96,15 +96,15 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     undated = () if log.start else ("does not say when it was recorded: its stamps count from its first frame only.",)
     if problem := _decoding_problem(scanned, dbc, messages):
         return replace(refused(path, log.format, problem, *log.warnings, *undated), metadata=metadata)
-    streams = frame_streams.in_order(scanned.sizes, messages)
-    rasters = frame_streams.rasters_of(streams, scanned.sizes)
+    streams = frame_streams.streams_in_order(scanned.sizes, messages)
+    rasters = frame_streams.stream_rasters(streams, scanned.sizes)
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
         """Tables of one time grid, from the frames that are kept, or else from the file."""
         stream, first = streams[raster], 1
         parts = iter(scanned.stored[stream]) if scanned.stored is not None else _read_again(log, lookup, stream)
         for frames in _in_rows(_on_one_clock(parts, scanned), rows):
-            numbers = frame_streams.values_of(stream, columns, frames.stamp, frames.data, frames.length)
+            numbers = frame_streams.stream_values(stream, columns, frames.stamp, frames.data, frames.length)
             coded = tuple(sentence for column in columns if (sentence := _coded(stream, column, numbers, frames)))
             yield Table(rasters[raster].headings, numbers, len(frames), Places("frame", first), warnings=coded)
             first += len(frames)
@@ -246,7 +246,7 @@ def _count(scanned: ScannedLog, stream: frame_streams.FrameStream, frames: Strea
     if scanned.stored is not None:
         scanned.bytes += frames.stamp.nbytes + frames.data.nbytes + frames.length.nbytes
         scanned.stored.setdefault(stream, []).append(frames)
-        if scanned.bytes > KEPT:
+        if scanned.bytes > KEPT_FRAMES:
             scanned.stored = None
 
 
@@ -309,7 +309,7 @@ def _other_sender(scanned: ScannedLog, messages: Sequence[Message]) -> str:
     """The commonest frame whose identifier differs from that of a message in its last byte only; empty if none."""
     groups = {group_number(message.identifier) for message in messages if message.extended}
     for key, _ in scanned.unknown.most_common():
-        identifier, extended, _ = frame_streams.parts_of(key)
+        identifier, extended, _ = frame_streams.key_parts(key)
         if extended and group_number(identifier) in groups:
             return f"0x{identifier:08X}"
     return ""
@@ -374,7 +374,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def _identifiers(scanned: ScannedLog) -> str:
-    count = len({frame_streams.parts_of(key)[:2] for key in scanned.unknown})
+    count = len({frame_streams.key_parts(key)[:2] for key in scanned.unknown})
     return f"{count:,} identifier" + ("" if count == 1 else "s")
 
 
@@ -382,7 +382,7 @@ def _commonest(unknown: Mapping[int, int]) -> str:
     """The commonest identifiers with their counts, over all buses."""
     counts: Counter[tuple[int, bool]] = Counter()
     for key, count in unknown.items():
-        counts[frame_streams.parts_of(key)[:2]] += count
+        counts[frame_streams.key_parts(key)[:2]] += count
     return listed(
         f"0x{i:08X} ({count:,})" if extended else f"0x{i:03X} ({count:,})"
         for (i, extended), count in counts.most_common()

@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 
 from clutchid.errors import missing
 from clutchid.log import FloatArray
+from clutchid.measurements.source import Rows
 
 if TYPE_CHECKING:
     import can
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Counts: TypeAlias = NDArray[np.int64]
-Rows: TypeAlias = NDArray[np.int64]
 
-Item = TypeVar("Item")
+_Item = TypeVar("_Item")
 
 #: Frames a block when a log is read piece by piece.
 FRAMES = 1 << 16
@@ -190,7 +190,7 @@ def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Fra
         raise failures[0]
 
 
-def _until_failure(items: Iterable[Item], failures: list[Exception]) -> Iterator[Item]:
+def _until_failure(items: Iterable[_Item], failures: list[Exception]) -> Iterator[_Item]:
     """The items up to an error, which is added to `failures`."""
     try:
         yield from items

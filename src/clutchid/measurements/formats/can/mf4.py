@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.measurements.formats.can.frames import CLASSIC, FD, LARGEST_BUS, Counts, FrameLog, Frames, merged
-from clutchid.measurements.formats.mdf.file import blocks
+from clutchid.measurements.formats.mdf.file import sample_blocks
 from clutchid.measurements.formats.mdf.numbers import converted
 from clutchid.measurements.formats.mdf.opening import BrokenMdf, opened
 
 #: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
-MAGIC = (b"MDF     4", b"UnFinMF 4")
+_MAGIC = (b"MDF     4", b"UnFinMF 4")
 
 #: Payload bytes by data length code.
 _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], dtype=np.int64)
@@ -33,7 +33,7 @@ _LOCAL = 1
 _WHOLE = float(1 << 62)
 
 
-def frame_log(path: Path) -> FrameLog | None:
+def mdf_frames(path: Path) -> FrameLog | None:
     """The CAN frames of an MDF 4 file; None where it has no groups for them, or cannot be read.
 
     Raises
@@ -44,7 +44,7 @@ def frame_log(path: Path) -> FrameLog | None:
         If the file cannot be read.
     """
     with path.open("rb") as file:
-        if not file.read(len(MAGIC[0])).startswith(MAGIC):
+        if not file.read(len(_MAGIC[0])).startswith(_MAGIC):
             return None
     try:
         with opened(path) as mdf:
@@ -100,7 +100,7 @@ def _frames(mdf: Any, number: int, fields: Mapping[str, int]) -> Iterator[Frames
     wanted = [(number, fields[name]) for name in (*names, "DataBytes")]
     cycles = int(group.channel_group.cycles_nr)
     for first in range(0, cycles, _FRAMES):
-        for _, samples in blocks(mdf, wanted, first, min(_FRAMES, cycles - first)):
+        for _, samples in sample_blocks(mdf, wanted, first, min(_FRAMES, cycles - first)):
             *raw, (payload, _) = samples
             values = {
                 name: _sent(stored) if name == "Dir" else converted(stored, rules[name], 4)

@@ -16,9 +16,9 @@ from clutchid.log import FloatArray
 from clutchid.measurements.clock import WINDOW
 from clutchid.measurements.columns import Heading, channel
 from clutchid.measurements.formats.can.dbc import Message, Signal, SignalGroup, decode, present
-from clutchid.measurements.formats.can.frames import CLASSIC, Bytes, Frames, Rows
+from clutchid.measurements.formats.can.frames import CLASSIC, Bytes, Frames
 from clutchid.measurements.formats.can.j1939 import ANYBODY, EVERYBODY, TRANSPORT, addresses, group_number, parameter_at
-from clutchid.measurements.source import Raster
+from clutchid.measurements.source import Raster, Rows
 from clutchid.messages import shortened
 
 #: Owners of frames that belong to no stream: unknown messages, fragments of longer ones.
@@ -91,7 +91,7 @@ def by_group(messages: Sequence[Message]) -> tuple[Message, ...]:
     )
 
 
-def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:
+def streams_in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:
     """The streams by their messages in the order of the DBC files, then by bus and addresses."""
     order = {message: number for number, message in enumerate(messages)}
 
@@ -107,7 +107,7 @@ def in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> lis
     return sorted(streams, key=place)
 
 
-def rasters_of(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int]) -> tuple[Raster, ...]:
+def stream_rasters(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int]) -> tuple[Raster, ...]:
     """Time grids of the streams: the stamps, then the signals; named by the message and what distinguishes it."""
     same: dict[str, list[FrameStream]] = defaultdict(list)
     for stream in streams:
@@ -146,10 +146,10 @@ def _name(stream: FrameStream, same: Sequence[FrameStream]) -> str:
     return shortened(f"{stream.message.name} ({marks})" if marks else stream.message.name, _LONGEST_NAME)
 
 
-def values_of(
+def stream_values(
     stream: FrameStream, columns: Iterable[int], stamp: FloatArray, data: Bytes, length: NDArray[np.integer]
 ) -> dict[int, FloatArray]:
-    """Values of some channels of a time grid of `rasters_of` by index, from the stamps and payloads of its frames."""
+    """Values of some channels of a time grid of `stream_rasters` by index, from stamps and payloads of its frames."""
     whole = length.astype(np.int64)
     return {column: decode(stream.group.signals[column - 1], data, whole) if column else stamp for column in columns}
 
@@ -159,7 +159,7 @@ def keys(frames: Frames) -> Rows:
     return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED) | (frames.bus << _BUS)
 
 
-def parts_of(key: int) -> tuple[int, bool, int]:
+def key_parts(key: int) -> tuple[int, bool, int]:
     """Identifier, whether it is extended, and bus of a key."""
     return key & ((1 << _EXTENDED) - 1), bool(key >> _EXTENDED & 1), key >> _BUS
 
@@ -172,7 +172,7 @@ def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[Fram
     """
     distinct, places = np.unique(keys(frames), return_inverse=True)
     owners: dict[_Owner, int] = {}
-    numbers = [owners.setdefault(_owner(messages, *parts_of(key)), len(owners)) for key in distinct.tolist()]
+    numbers = [owners.setdefault(_owner(messages, *key_parts(key)), len(owners)) for key in distinct.tolist()]
     owner = np.array(numbers, dtype=np.int64)[places]
     order = np.argsort(owner, kind="stable")
     edges = np.searchsorted(owner[order], np.arange(len(owners) + 1))

@@ -237,7 +237,7 @@ def numberlike(cell: str) -> bool:
     return cell.endswith(" sec") and matches(_SECONDS, cell)
 
 
-def missing(cell: str) -> bool:
+def is_missing(cell: str) -> bool:
     """Whether a cell marks a missing sample."""
     cell = cell.strip()
     return not cell or cell.casefold() in MISSING
@@ -270,7 +270,7 @@ def form(cells: Sequence[str], decimal: str) -> CellForm:
     >>> [form(cells, ".").kind for cells in (["off", "on"], ["", "1"], ["12:00:00.5"], ["low"])]
     ['truth', 'number', 'stamp', 'text']
     """
-    filled = [cell for cell in cells if not missing(cell)]
+    filled = [cell for cell in cells if not is_missing(cell)]
     stamps = [stamp for cell in filled if (stamp := nanoseconds(cell)) is not None]
     if len(stamps) > len(filled) / 2:
         return CellForm("stamp", decimal, stamps[0])

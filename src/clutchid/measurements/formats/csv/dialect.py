@@ -15,8 +15,8 @@ from clutchid.measurements.formats.csv.cells import (
     CellForm,
     decimal_mark,
     form,
+    is_missing,
     matches,
-    missing,
     nanoseconds,
     numberlike,
     written,
@@ -168,7 +168,7 @@ def _fits(below: Filled, separator: str, width: int) -> bool:
 
 def is_words(row: Sequence[str]) -> bool:
     """Whether a line contains words, but no sample."""
-    words = any(character.isalpha() for cell in row if not missing(cell) for character in cell)
+    words = any(character.isalpha() for cell in row if not is_missing(cell) for character in cell)
     return words and not any(map(numberlike, row))
 
 
@@ -203,19 +203,19 @@ def _with_separator(
 
     def sampled(row: Sequence[str]) -> bool:
         cells = [row[column] for column in columns] if len(row) == width else []
-        filled = [cell for cell in cells if not missing(cell)]
-        starts = bool(cells) and (numberlike(cells[0]) or missing(cells[0]))
+        filled = [cell for cell in cells if not is_missing(cell)]
+        starts = bool(cells) and (numberlike(cells[0]) or is_missing(cells[0]))
         return starts and 2 * sum(map(numberlike, filled)) > len(filled)
 
     ended = max((at for at, (_, line) in enumerate(filled) if line.startswith(_END_OF_HEADER)), default=-1)
     samples = next((at for at, row in enumerate(rows) if at > ended and sampled(row)), -1)
     if samples < 0:
         return None
-    while samples and len(rows[samples - 1]) == width and all(map(missing, rows[samples - 1])):
+    while samples and len(rows[samples - 1]) == width and all(map(is_missing, rows[samples - 1])):
         samples -= 1
     above = _names_above(filled, separator, samples, width - all(not row[-1].strip() for row in table), width)
     cells = [cell for row in table for cell in row]
-    fitting = len(table) / len(tail) * sum(numberlike(cell) or missing(cell) for cell in cells) / len(cells)
+    fitting = len(table) / len(tail) * sum(numberlike(cell) or is_missing(cell) for cell in cells) / len(cells)
     if not above:
         names = tuple(f"column {index + 1}" for index in range(width))
         return _Structure(separator, names, -1, -1, samples, (samples == 0, fitting, width))
@@ -231,7 +231,7 @@ def _starts_with_number(row: Sequence[str]) -> bool:
 
 
 def _is_numeric(cells: Sequence[str]) -> bool:
-    filled = [cell for cell in cells if not missing(cell)]
+    filled = [cell for cell in cells if not is_missing(cell)]
     return bool(filled) and sum(map(numberlike, filled)) >= 0.8 * len(filled)
 
 
@@ -288,7 +288,7 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
     forms = tuple(form([row[column] for row in rows], decimal) for column in range(width))
     lines = [number for number, _ in filled]
     units = (units_in(_unit_cells(filled, structure)) or []) if structure.units >= 0 else []
-    counted = structure.names[0] == _TIME and any(not missing(row[0]) for row in rows)
+    counted = structure.names[0] == _TIME and any(not is_missing(row[0]) for row in rows)
     if structure.names[0] == _TIME:
         above = (split(line, structure.separator) for _, line in filled[structure.header :: -1])
         units = ["s", *next((labels for name, *labels in above if name == _LABELS), [])]
@@ -363,8 +363,8 @@ def _grouped(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Itera
 
     Decimals would have their zeros, ``996.000``, or another number of digits.
     """
-    for name, column in zip(columns, rows, strict=False):
-        cells = [cell.strip() for cell in column if not missing(cell)]
+    for index, column in enumerate(columns):
+        cells = [cell.strip() for cell in column if not is_missing(cell)]
         pointed = [cell for cell in cells if "." in cell]
         whole = [cell for cell in cells if cell.lstrip("+-").isdigit() and cell.lstrip("+-0")]
         plain = len(pointed) + len(whole) + cells.count("0") == len(cells) and max(map(len, whole), default=9) <= len(
@@ -379,7 +379,7 @@ def _grouped(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Itera
 
 def _every_name(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """The names, and the number of a column that has samples but no name."""
-    used = [any(not missing(row[column]) for row in rows) for column in range(len(names))]
+    used = [any(not is_missing(row[column]) for row in rows) for column in range(len(names))]
     return [name if name.strip() or not used[i] else f"column {i + 1}" for i, name in enumerate(names)]
 
 

@@ -9,15 +9,17 @@ from pathlib import Path
 
 from clutchid.log import Log
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
-from clutchid.measurements.formats.csv.lines import SAMPLE, TextLines, blocks, lines_of, sample
-from clutchid.measurements.formats.csv.rows import ParsedRows, joined, read_rows, table
+from clutchid.measurements.formats.csv.lines import HEAD_BYTES, TextLines, line_blocks, sample, text_lines
+from clutchid.measurements.formats.csv.rows import ParsedRows, joined_parts, part_table, read_rows
 from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
 #: Bytes of a file that is read without polars where it is plain.
 _SMALL = 8e6
 
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
-_LONG = f"line 1 is longer than {SAMPLE:,} bytes, so this is not a table; save the recording as CSV with line breaks."
+_LONG = (
+    f"line 1 is longer than {HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
+)
 _EMPTY = f"the file is empty; {EXAMPLE}"
 
 _MONTHS = 12
@@ -59,11 +61,11 @@ def open_file(path: Path) -> Source:
     >>> source.metadata["dialect"], table.headings[1].unit, table.numbers[1].tolist()
     ('UTF-8, semicolon, decimal comma, names on line 2, samples from line 3', 'mm', [0.25, 0.5])
     """
-    lines = lines_of(path)
+    lines = text_lines(path)
     if lines is None:
         return refused(path, "CSV", _NOT_TEXT)
     first = sample(lines)
-    if len(first) == 1 and len(first[0]) > SAMPLE:
+    if len(first) == 1 and len(first[0]) > HEAD_BYTES:
         return refused(path, "CSV", _LONG)
     wide = next((number for number, line in enumerate(first, start=1) if _is_wide(line)), 0)
     if wide:
@@ -123,7 +125,7 @@ def _with_decimal_mark(lines: TextLines, notation: Dialect) -> Dialect:
     """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
     if notation.decimal or notation.separator == ",":
         return notation
-    for block in blocks(lines, notation.samples - 1, BLOCK):
+    for block in line_blocks(lines, notation.samples - 1, BLOCK):
         if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
             return notation.with_decimal("." if match["point"] else ",")
     return notation
@@ -139,12 +141,12 @@ def _tables(
         yield Table(notation.headings, problems=(problem,))
         return
     small, parts = lines.path.stat().st_size < _SMALL, list[ParsedRows]()
-    for block in blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK)):
+    for block in line_blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK)):
         parts.append(read_rows(block, notation, selected, small=small))
         broken = parts[-1].broken
         if rows is not None:
-            yield from table(parts.pop(), notation).parts(rows)
+            yield from part_table(parts.pop(), notation).parts(rows)
         if broken:
             break
     if rows is None:
-        yield table(joined(parts), notation)
+        yield part_table(joined_parts(parts), notation)

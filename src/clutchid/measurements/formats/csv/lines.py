@@ -137,7 +137,7 @@ def split_header(line: str, separator: str, width: int) -> list[str]:
 
 
 #: Numbers of bytes and lines at the start of a file that determine its dialect; also the longest line.
-SAMPLE = 1 << 20
+HEAD_BYTES = 1 << 20
 _SAMPLE_LINES = 2000
 
 #: Bytes that are read at a time, and largest number of bytes of a block; a quote beyond these is a character.
@@ -173,7 +173,7 @@ class LineBlock:
     lines: int
 
 
-def lines_of(path: Path) -> TextLines | None:
+def text_lines(path: Path) -> TextLines | None:
     """The lines of a file; None if it is neither UTF-8, UTF-16 with a byte order mark nor Windows-1252.
 
     Raises
@@ -194,7 +194,7 @@ def lines_of(path: Path) -> TextLines | None:
 
 
 def sample(lines: TextLines) -> list[str]:
-    """The first lines, at most `SAMPLE` bytes in total; a single line may be truncated.
+    """The first lines, at most `HEAD_BYTES` bytes in total; a single line may be truncated.
 
     Raises
     ------
@@ -204,13 +204,13 @@ def sample(lines: TextLines) -> list[str]:
     text = b""
     for piece in _pieces(lines.path, lines.encoding):
         text += piece
-        if len(text) > SAMPLE:
-            text = text[: text.rfind(b"\n", 0, SAMPLE) + 1] or text
+        if len(text) > HEAD_BYTES:
+            text = text[: text.rfind(b"\n", 0, HEAD_BYTES) + 1] or text
             break
     return [line.decode("utf-8", "replace").rstrip("\n") for line in islice(io.BytesIO(text), _SAMPLE_LINES)]
 
 
-def blocks(lines: TextLines, skip: int, rows: int) -> Iterator[LineBlock]:
+def line_blocks(lines: TextLines, skip: int, rows: int) -> Iterator[LineBlock]:
     """The lines after the first `skip`, in blocks of at least `rows` lines, or fewer if they are long.
 
     A block goes on where it would end in a quoted cell.

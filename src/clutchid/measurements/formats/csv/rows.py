@@ -25,8 +25,7 @@ from clutchid.measurements.formats.csv.cells import CellForm, matches, value_of
 from clutchid.measurements.formats.csv.dialect import Dialect, is_words
 from clutchid.measurements.formats.csv.lines import LineBlock, is_comment, split
 from clutchid.measurements.no_value import means_no_value
-from clutchid.measurements.source import Places, Rows, Table
-from clutchid.measurements.source import joined as joined_tables
+from clutchid.measurements.source import Places, Rows, Table, joined_tables
 from clutchid.messages import SHOWN, listed, shortened
 
 if TYPE_CHECKING:
@@ -236,7 +235,7 @@ def _frame(text: bytes, dialect: Dialect, selected: Sequence[Heading], kind: pl.
     )
 
 
-def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
+def joined_parts(parts: Sequence[ParsedRows]) -> ParsedRows:
     """Join consecutive parts."""
     if len(parts) == 1:
         return parts[0]
@@ -253,7 +252,7 @@ def joined(parts: Sequence[ParsedRows]) -> ParsedRows:
     return whole
 
 
-def table(part: ParsedRows, dialect: Dialect) -> Table:
+def part_table(part: ParsedRows, dialect: Dialect) -> Table:
     """Table of a part, with messages about its problems."""
     columns = dialect.headings
     problems = [part.broken] if part.broken else []

@@ -29,7 +29,7 @@ _OLD_OBJECT = "2"
 _LARGEST_CHUNK = 1 << 28
 
 _FORMAT = "MATLAB 7.3 (HDF5)"
-_EMPTY = loaded.Numbers((0, 0))
+_EMPTY = loaded.NumberArray((0, 0))
 _ELSEWHERE = loaded.NoChannel("arrays whose numbers are not in the file")
 _ONE_PIECE = loaded.NoChannel(f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB")
 
@@ -72,7 +72,7 @@ def opened(path: Path) -> Iterator[loaded.ReadSamples]:
     """
     with _file(path) as walk:
 
-        def read(numbers: loaded.Numbers, channel: int, start: int, stop: int) -> FloatArray:
+        def read(numbers: loaded.NumberArray, channel: int, start: int, stop: int) -> FloatArray:
             if start == stop:
                 return np.empty(0)
             if isinstance(numbers.place, np.ndarray):
@@ -188,7 +188,7 @@ def _dataset(walk: _OpenFile, data: h5py.Dataset, class_name: str) -> loaded.Nod
         return loaded.CharArray(_characters(data))
     if data.dtype.names == ("real", "imag"):
         return loaded.COMPLEX
-    return loaded.Numbers(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else loaded.NO_NUMBERS
+    return loaded.NumberArray(data.shape[::-1], data.name) if data.dtype.kind in "fiub" else loaded.NO_NUMBERS
 
 
 def _characters(data: h5py.Dataset) -> str:

@@ -30,7 +30,7 @@ class BrokenMat(ValueError):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Numbers:
+class NumberArray:
     """An array of real numbers of this shape, as in MATLAB, and its unit if the array itself has one.
 
     `place` is the loaded array, or where its reader finds it in the file. Of times that count from a date, `origin` is
@@ -103,10 +103,10 @@ class NoChannel:
     class_name: str = ""
 
 
-Node = Numbers | CharArray | Struct | NodeArray | NoChannel
+Node = NumberArray | CharArray | Struct | NodeArray | NoChannel
 
 #: Reads samples `start` to `stop` of channel `channel` of an array.
-ReadSamples = Callable[[Numbers, int, int, int], FloatArray]
+ReadSamples = Callable[[NumberArray, int, int, int], FloatArray]
 
 COMPLEX = NoChannel("complex numbers")
 SPARSE = NoChannel("sparse matrices")
@@ -154,7 +154,7 @@ def node(value: Any, decoded: Callable[[Any], Node | None] = lambda _: None) -> 
         structs = [Struct({name: node(item[name], decoded) for name in fields}) for item in items]
         return structs[0] if len(structs) == 1 else NodeArray(tuple(structs))
     if kind in "fiub":
-        return Numbers(value.shape, value)
+        return NumberArray(value.shape, value)
     if kind == "U":
         return CharArray(str(value.item()) if value.size == 1 else "")
     return COMPLEX if kind == "c" else NO_NUMBERS
@@ -175,7 +175,7 @@ def _no_array(value: Any) -> Node | None:
     return None if isinstance(value, np.ndarray) else NO_NUMBERS
 
 
-def samples(array: NDArray[Any], numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+def samples(array: NDArray[Any], numbers: NumberArray, channel: int, start: int, stop: int) -> FloatArray:
     """Samples `start` to `stop` of a channel of an array."""
     if numbers.is_vector:
         part = array.ravel()[start:stop]
@@ -211,7 +211,7 @@ class _OnDisk:
     pages: mmap.mmap
     dtype: np.dtype[Any]
 
-    def samples(self, numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+    def samples(self, numbers: NumberArray, channel: int, start: int, stop: int) -> FloatArray:
         """See `samples`; the file leaves the memory again."""
         array: NDArray[Any] = np.ndarray(numbers.shape, self.dtype, self.pages, order="F")
         part = samples(array, numbers, channel, start, stop)
@@ -244,7 +244,7 @@ def contents(path: Path) -> Struct:
 def opened(_path: Path) -> Iterator[ReadSamples]:
     """Function that reads samples of the loaded arrays."""
 
-    def read(numbers: Numbers, channel: int, start: int, stop: int) -> FloatArray:
+    def read(numbers: NumberArray, channel: int, start: int, stop: int) -> FloatArray:
         if isinstance(numbers.place, _OnDisk):
             return numbers.place.samples(numbers, channel, start, stop)
         return samples(np.asarray(numbers.place), numbers, channel, start, stop)
@@ -262,12 +262,12 @@ def _check_size(name: str, size: int, stored: int) -> None:
 
 def _on_disk(whole: Node) -> Node:
     """The node with its array in a temporary file, of which only what is read comes into memory."""
-    if not isinstance(whole, Numbers):
+    if not isinstance(whole, NumberArray):
         return whole
     array = np.asarray(whole.place)
     with tempfile.TemporaryFile() as file:
         array.T.tofile(file)
-        return Numbers(whole.shape, _OnDisk(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), array.dtype))
+        return NumberArray(whole.shape, _OnDisk(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), array.dtype))
 
 
 def _sizes(path: Path) -> dict[str, int]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from clutchid.measurements.formats.mat import loaded
-from clutchid.measurements.formats.mat.loaded import Node, Numbers, Struct
+from clutchid.measurements.formats.mat.loaded import Node, NumberArray, Struct
 
 _MATRICES = {"Aclass", "name", "dataInfo"}
 _UNIT = re.compile(r"\[([^\[\]|]*)(?:\|[^\[\]]*)?\]\s*$")
@@ -46,7 +46,7 @@ def _channels(values: Mapping[str, Any]) -> dict[str, Node] | None:
         if used == longest and 0 < abs(place) <= matrix.shape[1]:
             unit = _UNIT.search(text)
             samples = np.sign(place) * matrix[:, abs(place) - 1 : abs(place)]
-            channels[name] = Numbers(samples.shape, samples, unit[1].strip() if unit else None)
+            channels[name] = NumberArray(samples.shape, samples, unit[1].strip() if unit else None)
     return channels
 
 

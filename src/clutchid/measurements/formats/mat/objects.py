@@ -21,7 +21,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.measurements.formats.mat import loaded
-from clutchid.measurements.formats.mat.rasters import means_time
+from clutchid.measurements.formats.mat.rasters import is_time_name
 
 
 def with_objects(path: Path, root: loaded.Struct) -> loaded.Struct:
@@ -54,7 +54,7 @@ def _children(parent: loaded.Node) -> Iterable[loaded.Node]:
 
 def _origins(item: loaded.Node) -> Iterator[float]:
     """The dates from which times count, in ms since 1970."""
-    if isinstance(item, loaded.Numbers) and item.origin is not None and math.isfinite(item.origin):
+    if isinstance(item, loaded.NumberArray) and item.origin is not None and math.isfinite(item.origin):
         yield item.origin
     for child in _children(item):
         yield from _origins(child)
@@ -63,7 +63,7 @@ def _origins(item: loaded.Node) -> Iterator[float]:
 def _since(item: loaded.Node, zero: float) -> loaded.Node:
     """The node with times that count from one date, in ms since 1970."""
     match item:
-        case loaded.Numbers(place=np.ndarray() as place, origin=float(origin)) if math.isfinite(origin):
+        case loaded.NumberArray(place=np.ndarray() as place, origin=float(origin)) if math.isfinite(origin):
             return replace(item, place=place + (origin - zero) / 1e3, origin=zero)
         case loaded.Struct():
             return loaded.Struct({name: _since(child, zero) for name, child in item.fields.items()})
@@ -109,7 +109,7 @@ def _timetable(properties: Mapping[str, Any]) -> loaded.Node | None:
     columns = _columns(whole["data"], whole["varNames"], whole["varUnits"])
     times = _row_times(whole["rowTimes"], int(whole["numRows"].item()))
     name = _texts(whole["dimNames"])[0]
-    return times and loaded.Struct({name if means_time(name) else "time": times, **columns.fields})
+    return times and loaded.Struct({name if is_time_name(name) else "time": times, **columns.fields})
 
 
 def _row_times(times: Any, count: int) -> loaded.Node | None:
@@ -121,8 +121,8 @@ def _row_times(times: Any, count: int) -> loaded.Node | None:
     if step is None:
         step = regular["stepSize"].properties["millis"].item() / 1e3
     origin = _decoded(regular["origin"])
-    begin = _number(origin.place) if isinstance(origin, loaded.Numbers) else 0.0
-    date = origin.origin if isinstance(origin, loaded.Numbers) else None
+    begin = _number(origin.place) if isinstance(origin, loaded.NumberArray) else 0.0
+    date = origin.origin if isinstance(origin, loaded.NumberArray) else None
     return replace(_seconds(begin + np.arange(count) * step), origin=date)
 
 
@@ -139,7 +139,7 @@ def _timeseries(properties: Mapping[str, Any]) -> loaded.Node | None:
         times = start + step * np.arange(int(about["Length"].item()))
     data = loaded.node(properties["Data_"] if "Data_" in properties else properties["Data"])
     units = loaded.Struct({"time": loaded.node(about["Units"]), "data": loaded.node(info["Units"])})
-    stamps = loaded.Numbers(times.shape, times, origin=_started(about))
+    stamps = loaded.NumberArray(times.shape, times, origin=_started(about))
     return loaded.Struct({"time": stamps, "data": data, "units": units})
 
 
@@ -161,8 +161,8 @@ def _texts(cells: Any) -> list[str]:
     return [str(cell.item()) if cell.size == 1 else "" for cell in np.ravel(cells)]
 
 
-def _seconds(values: FloatArray) -> loaded.Numbers:
-    return loaded.Numbers(values.shape, values, "s")
+def _seconds(values: FloatArray) -> loaded.NumberArray:
+    return loaded.NumberArray(values.shape, values, "s")
 
 
 _CLASSES = MappingProxyType(

@@ -15,7 +15,15 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import channel
-from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, NoChannel, Node, NodeArray, Numbers, Struct
+from clutchid.measurements.formats.mat.loaded import (
+    BrokenMat,
+    CharArray,
+    NoChannel,
+    Node,
+    NodeArray,
+    NumberArray,
+    Struct,
+)
 from clutchid.measurements.source import Raster
 from clutchid.names import printable
 
@@ -42,7 +50,7 @@ class StructTexts:
     used: frozenset[str] = frozenset()
 
 
-def means_time(name: str) -> bool:
+def is_time_name(name: str) -> bool:
     """Whether a name is one of those that time vectors have.
 
     Examples
@@ -62,8 +70,8 @@ def struct_texts(fields: Mapping[str, Node]) -> StructTexts:
     >>> texts.only, texts.label, texts.units
     ('values', 'stroke', {'values': 'mm'})
     """
-    vectors = [name for name, node in fields.items() if isinstance(node, Numbers) and node.size > 1]
-    clocks, others = [n for n in vectors if means_time(n)], [n for n in vectors if not means_time(n)]
+    vectors = [name for name, node in fields.items() if isinstance(node, NumberArray) and node.size > 1]
+    clocks, others = [n for n in vectors if is_time_name(n)], [n for n in vectors if not is_time_name(n)]
     only = others[0] if len(others) == 1 else ""
     texts = {name: node.text.strip() for name, node in fields.items() if isinstance(node, CharArray)}
     units, used = _units(fields, texts, only, clocks)
@@ -122,7 +130,7 @@ class ArrayChannel:
     `time_like` says whether a name of it means time, `home` the struct that it stands in.
     """
 
-    numbers: Numbers
+    numbers: NumberArray
     column: int
     path: str
     home: str
@@ -201,11 +209,11 @@ class _ChannelScan:
         loose = [
             signal
             for name, child in node.fields.items()
-            if isinstance(child, Numbers)
+            if isinstance(child, NumberArray)
             for signal in self.vectors(child, name, path, names, above)
         ]
         for name, child in node.fields.items():
-            if not isinstance(child, Numbers) and name not in names.used:
+            if not isinstance(child, NumberArray) and name not in names.used:
                 loose += self.other(child, _joined(path, name), path)
         untimed = []
         for group in _by_size(loose):
@@ -237,12 +245,12 @@ class _ChannelScan:
 
     def item(self, node: Node, path: str, above: str) -> list[ArrayChannel]:
         """The signals of an element of a struct array or of a cell."""
-        if isinstance(node, Numbers):
+        if isinstance(node, NumberArray):
             return self.vectors(node, path.removeprefix(f"{above}."), above, StructTexts())
         return self.other(node, path, above)
 
     def vectors(
-        self, numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None = None
+        self, numbers: NumberArray, name: str, home: str, names: StructTexts, above: str | None = None
     ) -> list[ArrayChannel]:
         """The channels that an array is; a label is another name of it in the struct `above`."""
         path = _joined(home, name)
@@ -280,7 +288,7 @@ class _ChannelScan:
 
     def without_time(self, group: Sequence[ArrayChannel]) -> None:
         """Signals for which no struct has a time: a matrix may have it in its first column, [t, x1, x2]."""
-        matrices: dict[Numbers, list[ArrayChannel]] = defaultdict(list)
+        matrices: dict[NumberArray, list[ArrayChannel]] = defaultdict(list)
         rest: list[ArrayChannel] = []
         for signal in group:
             (rest if signal.numbers.is_vector else matrices[signal.numbers]).append(signal)
@@ -295,7 +303,7 @@ class _ChannelScan:
             self.scanned.groups.append((homes.pop() if len(homes) == 1 else "", tuple(rest), self.clock(rest)))
 
 
-def _signal(numbers: Numbers, name: str, home: str, names: StructTexts, above: str | None) -> ArrayChannel:
+def _signal(numbers: NumberArray, name: str, home: str, names: StructTexts, above: str | None) -> ArrayChannel:
     text, remark = (names.label, names.comment) if name == names.only else ("", "")
     label = _joined(above, text) if text and above is not None else ""
     remarks = (remark, "" if label else text)
@@ -329,9 +337,9 @@ def _joined(path: str, name: str) -> str:
 
 def _is_time(name: str, home: str, label: str) -> bool:
     """Whether the name, or of a field such as `data` the label or the struct around it, means time."""
-    if means_time(name):
+    if is_time_name(name):
         return True
     if name.casefold() not in _VALUES:
         return False
     around = re.sub(r"[({]\d+[)}]$", "", home.rpartition(".")[2])
-    return means_time(around) or means_time(label) or around == "X"  # dSPACE: X(1) is the time of Y(1), Y(2), ...
+    return is_time_name(around) or is_time_name(label) or around == "X"  # dSPACE: X(1) is the time of Y(1), Y(2), ...

@@ -15,18 +15,20 @@ from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
 from clutchid.measurements.formats.mdf.layout import ChannelPlace, comment_of, layouts, metadata_of
 from clutchid.measurements.formats.mdf.numbers import converted, has_texts
-from clutchid.measurements.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet, version_of
+from clutchid.measurements.formats.mdf.opening import BrokenMdf, asammdf, opened, quiet_asammdf, version_of
 from clutchid.measurements.source import BLOCK, Places, Source, Table, refused
 
 #: Bytes of records that asammdf loads at a time.
-CHUNK = 1 << 24
+_CHUNK = 1 << 24
 
 #: Group and index of a channel; its raw samples, and where they are invalid.
-Channel = tuple[int, int]
-Samples: TypeAlias = tuple[NDArray[Any], NDArray[np.bool_] | None]
+_Channel = tuple[int, int]
+_Samples: TypeAlias = tuple[NDArray[Any], NDArray[np.bool_] | None]
 
 
-def blocks(mdf: Any, channels: Sequence[Channel], first: int, count: int) -> Iterator[tuple[slice, list[Samples]]]:
+def sample_blocks(
+    mdf: Any, channels: Sequence[_Channel], first: int, count: int
+) -> Iterator[tuple[slice, list[_Samples]]]:
     """Raw samples of `channels` on one time grid in consecutive blocks, each with its place in the file.
 
     All channels are read in one pass. asammdf's `select` stops silently at what it cannot read and leaves the rest
@@ -42,19 +44,19 @@ def blocks(mdf: Any, channels: Sequence[Channel], first: int, count: int) -> Ite
     mixed = any(not mdf.groups[group].sorted for group in groups)
     for group in () if mixed else groups:
         _check(mdf, group, first + count)
-    step = max(1, CHUNK // sum(_width(mdf, group) for group in groups))
-    mdf.configure(read_fragment_size=CHUNK)
+    step = max(1, _CHUNK // sum(_width(mdf, group) for group in groups))
+    mdf.configure(read_fragment_size=_CHUNK)
     for start in range(first, first + count, count if mixed else step):
         rows = slice(start, first + count if mixed else min(start + step, first + count))
         yield rows, _samples(mdf, channels, rows, mixed)
 
 
-def _samples(mdf: Any, channels: Sequence[Channel], rows: slice, mixed: bool) -> list[Samples]:
+def _samples(mdf: Any, channels: Sequence[_Channel], rows: slice, mixed: bool) -> list[_Samples]:
     """Raw samples; asammdf reads mixed records of MDF 3 as a whole only."""
     wanted = [(None, group, index) for group, index in channels]
     first, count = (0, None) if mixed else (rows.start, rows.stop - rows.start)
     try:
-        with quiet():
+        with quiet_asammdf():
             signals = mdf.select(wanted, first, raw=True, copy_master=False, record_count=count)
     except KeyError as error:  # it found nothing that it could read
         raise BrokenMdf(f"is damaged within samples {rows.start + 1:,} to {rows.stop:,}; copy it again.") from error
@@ -151,7 +153,7 @@ def save(log: Log, path: Path) -> None:
     if not log.columns:
         raise ExportError(f"{path}: the log has no column beside the time, but MDF needs a channel; add one.")
     library = asammdf()
-    with contextlib.closing(library.MDF(version="4.10")) as mdf, quiet():
+    with contextlib.closing(library.MDF(version="4.10")) as mdf, quiet_asammdf():
         mdf.header.start_time = _start(log)
         mdf.header.comment = comment_of(log.metadata)
         first = slice(0, BLOCK)
@@ -178,7 +180,7 @@ def _numbers(
         if place.counted:
             numbers[column][:] = converted(np.arange(first, first + count), rules[column], version)
     stored = {column: (place.group, place.index) for column, place in places.items() if not place.counted}
-    for rows, samples in blocks(mdf, list(stored.values()), first, count) if stored else ():
+    for rows, samples in sample_blocks(mdf, list(stored.values()), first, count) if stored else ():
         there = slice(rows.start - first, rows.stop - first)
         for column, (raw, invalid) in zip(stored, samples, strict=True):
             numbers[column][there] = converted(raw, rules[column], version)

@@ -16,7 +16,7 @@ from clutchid.measurements.source import Raster, own_metadata
 from clutchid.messages import shortened
 
 #: Name of the property in the header's comment that holds the metadata of a log.
-KEY = "clutchid"
+_KEY = "clutchid"
 
 #: Flags of a channel group: texts of a channel in another group; frames of a bus.
 _VLSD, _BUS_EVENT = 1, 2
@@ -69,7 +69,7 @@ def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
 def metadata_of(mdf: Any) -> dict[str, str]:
     """Metadata in the header of a file; of a file that clutchid wrote exactly the metadata of its log."""
     root = _xml(_guarded(lambda: mdf.header.comment))
-    own = root.find(f".//e[@name='{KEY}']") if root is not None else None
+    own = root.find(f".//e[@name='{_KEY}']") if root is not None else None
     if own is not None and (metadata := own_metadata(own.text)) is not None:
         return metadata
     start = _guarded(lambda: mdf.header.start_time.isoformat() if getattr(mdf.header, "abs_time", 1) else "")
@@ -86,7 +86,7 @@ def comment_of(metadata: Mapping[str, str]) -> str:
     """
     root = ET.Element("HDcomment", xmlns="http://www.asam.net/mdf/v4")
     ET.SubElement(root, "TX")
-    ET.SubElement(ET.SubElement(root, "common_properties"), "e", name=KEY).text = json.dumps(dict(metadata))
+    ET.SubElement(ET.SubElement(root, "common_properties"), "e", name=_KEY).text = json.dumps(dict(metadata))
     return ET.tostring(root, encoding="unicode")
 
 

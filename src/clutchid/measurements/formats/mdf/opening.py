@@ -64,7 +64,7 @@ def version_of(mdf: Any) -> int:
 
 
 @contextlib.contextmanager
-def quiet() -> Iterator[None]:
+def quiet_asammdf() -> Iterator[None]:
     """Suppress asammdf's output: it prints speeds and tracebacks to standard output and logs what it raises."""
     logger = logging.getLogger("asammdf")
     before, logger.disabled = logger.disabled, True
@@ -114,7 +114,7 @@ def _readable(path: Path) -> IO[bytes]:
 def _built(library: Any, stream: IO[bytes]) -> tuple[MDF | None, str]:
     """asammdf's object, or the reason why there is none."""
     try:
-        with quiet():
+        with quiet_asammdf():
             return library.MDF(stream, process_bus_logging=False, use_display_names=False), ""
     except Exception as error:
         if _is_the_disk(error):

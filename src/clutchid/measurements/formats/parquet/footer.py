@@ -82,11 +82,11 @@ class CompactReader:
         return (number >> 1) ^ -(number & 1)
 
 
-def plain(kind: int, value: Any) -> Any:
+def _plain(kind: int, value: Any) -> Any:
     """A value without the kinds of its parts."""
     if kind == ThriftKind.STRUCT:
-        return {field: plain(*item) for field, item in value.items()}
-    return [plain(value[0], item) for item in value[1]] if kind in (ThriftKind.LIST, ThriftKind.SET) else value
+        return {field: _plain(*item) for field, item in value.items()}
+    return [_plain(value[0], item) for item in value[1]] if kind in (ThriftKind.LIST, ThriftKind.SET) else value
 
 
 def _inner(kind: int) -> int:
@@ -94,7 +94,7 @@ def _inner(kind: int) -> int:
     return ThriftKind.BYTE if kind in (ThriftKind.TRUE, ThriftKind.FALSE) else kind
 
 
-def encoded(tree: Mapping[int, tuple[int, Any]]) -> bytes:
+def _encoded_structure(tree: Mapping[int, tuple[int, Any]]) -> bytes:
     """The bytes of a structure; one in it may be encoded already."""
     parts, before = [], 0
     for field, (kind, value) in sorted(tree.items()):
@@ -107,7 +107,7 @@ def encoded(tree: Mapping[int, tuple[int, Any]]) -> bytes:
 
 def _encoded(kind: int, value: Any) -> bytes:
     if kind == ThriftKind.STRUCT:
-        return value if isinstance(value, bytes) else encoded(value)
+        return value if isinstance(value, bytes) else _encoded_structure(value)
     if kind == ThriftKind.BINARY:
         return _varint(len(value)) + bytes(value)
     if kind == ThriftKind.LIST:
@@ -173,7 +173,7 @@ def _footer(file: BinaryIO, size: int) -> dict[int, Any]:
     if tail[4:] != b"PAR1" or length > size - 12:
         raise ValueError("it does not end as such a file ends")
     file.seek(size - 8 - length)
-    footer: dict[int, Any] = plain(ThriftKind.STRUCT, CompactReader(file.read(length)).struct())
+    footer: dict[int, Any] = _plain(ThriftKind.STRUCT, CompactReader(file.read(length)).struct())
     if 8 in footer:  # how its columns are encrypted
         raise EncryptedParquet
     return footer
@@ -188,7 +188,7 @@ def _pages(file: BinaryIO, size: int, chunk: dict[int, Any]) -> str:
             return f"a page at byte {start} is not in the file"
         file.seek(start)
         reader = CompactReader(file.read(_HEADER))
-        page = plain(ThriftKind.STRUCT, reader.struct())
+        page = _plain(ThriftKind.STRUCT, reader.struct())
         start += reader.at + page[3]
         data = page.get(5) or page.get(8)
         held = (data or page.get(7) or {1: 0})[1]
@@ -227,7 +227,8 @@ def appended(groups: RowGroups, whole: bytes) -> tuple[RowGroups, bytes]:
     before = [] if groups.footer is None else groups.footer[_GROUPS][1][1]
     kind, (inner, added) = new[_GROUPS]
     moved = [
-        encoded(_moved(ThriftKind.STRUCT, _numbered(group, len(before) + i), shift)) for i, group in enumerate(added)
+        _encoded_structure(_moved(ThriftKind.STRUCT, _numbered(group, len(before) + i), shift))
+        for i, group in enumerate(added)
     ]
     rows = new[_ROWS][1] + (0 if groups.footer is None else groups.footer[_ROWS][1])
     footer = {**new, _ROWS: (new[_ROWS][0], rows), _GROUPS: (kind, (inner, [*before, *moved]))}
@@ -236,7 +237,7 @@ def appended(groups: RowGroups, whole: bytes) -> tuple[RowGroups, bytes]:
 
 def footer_bytes(groups: RowGroups) -> bytes:
     """Bytes behind the row groups in a whole file."""
-    content = encoded(groups.footer or {})
+    content = _encoded_structure(groups.footer or {})
     return content + len(content).to_bytes(4, "little") + MAGIC
 
 
