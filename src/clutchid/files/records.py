@@ -87,7 +87,7 @@ def table(record: Any, names: Iterable[str] = ()) -> dict[str, Any]:
     ...     rests: tuple[float, ...] = ()
     >>> table(Levels(1e-5))
     {'quantum': 1e-05}
-    >>> read(Levels, {"quantum": 1, "rests": [2e-4, 3e-4]}, "[levels]")
+    >>> read_record(Levels, {"quantum": 1, "rests": [2e-4, 3e-4]}, "[levels]")
     Levels(quantum=1.0, shift=nan, rests=(0.0002, 0.0003))
     """
     entries = _entries(type(record))
@@ -133,7 +133,7 @@ def read_record(kind: type[T], content: object, where: str, rules: Mapping[str, 
     >>> above = {"level": Rule("a share above 0 is needed", lambda share: share > 0.0)}
     >>> class Settings(NamedTuple):
     ...     level: float
-    >>> read(Settings, {"level": -1, "lvl": 2}, "[fit]", above)
+    >>> read_record(Settings, {"level": -1, "lvl": 2}, "[fit]", above)
     Traceback (most recent call last):
     clutchid.errors.ParameterError: no entry of [fit] 'lvl'; did you mean 'level'? Known are level.
     [fit] level = -1: a share above 0 is needed.

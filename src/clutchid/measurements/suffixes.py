@@ -31,7 +31,7 @@ FORMATS = (
     Format("csv", (".csv", ".tsv", ".tab", ".txt"), opener="csv.file.open_file"),
     Format(
         "mdf", (".mf4", ".mf3", ".mdf", ".dat"), (b"MDF     ", b"UnFinMF "),
-        opener="mdf.file.open_file", frames="can.mf4.frame_log",
+        opener="mdf.file.open_file", frames="can.mf4.mdf_frames",
     ),
     Format("mat", (".mat", ".h5", ".hdf5"), sign="mat.file.is_mat", opener="mat.file.open_file"),
     Format("blf", (".blf",), (b"LOGG",), frames="can.logs.blf_log"),

@@ -33,8 +33,8 @@ from clutchid.truck.settings import (
     TICK,
     TICKS,
     Course,
-    RunOutputs,
     Plant,
+    RunOutputs,
     Settings,
 )
 

@@ -12,7 +12,7 @@ from clutchid.log import FloatArray, read_only
 from clutchid.truck.assembly import at_rest, load_curve, numbers
 from clutchid.truck.compiled import compiled_plant, loop
 from clutchid.truck.load_table import LoadTable, rest_position
-from clutchid.truck.settings import SAMPLE, Course, RunOutputs, Plant, Settings
+from clutchid.truck.settings import SAMPLE, Course, Plant, RunOutputs, Settings
 from clutchid.truck.structure import LEDGER
 from clutchid.truck.vehicle import Vehicle
 

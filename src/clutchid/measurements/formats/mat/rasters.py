@@ -55,7 +55,7 @@ def is_time_name(name: str) -> bool:
 
     Examples
     --------
-    >>> [means_time(name) for name in ("t", "Zeit", "time_ms", "tout", "torque", "T_oil")]
+    >>> [is_time_name(name) for name in ("t", "Zeit", "time_ms", "tout", "torque", "T_oil")]
     [True, True, True, True, False, False]
     """
     return _TIME.fullmatch(name.casefold()) is not None
@@ -66,7 +66,7 @@ def struct_texts(fields: Mapping[str, Node]) -> StructTexts:
 
     Examples
     --------
-    >>> texts = struct_texts({"values": Numbers((900, 1)), "label": CharArray("stroke"), "unit": CharArray("mm")})
+    >>> texts = struct_texts({"values": NumberArray((900, 1)), "label": CharArray("stroke"), "unit": CharArray("mm")})
     >>> texts.only, texts.label, texts.units
     ('values', 'stroke', {'values': 'mm'})
     """
