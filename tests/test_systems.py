@@ -165,9 +165,9 @@ TRIED = {
         """,
     "a session is ended with all that it started": """
         import psutil, subprocess, sys, time
-        from clutchid.systems import APART, kill_session
+        from clutchid.systems import DETACHED, kill_session
         text = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', 'input()'], stdin=-1).wait()"
-        parent = subprocess.Popen([sys.executable, "-c", text], **APART)
+        parent = subprocess.Popen([sys.executable, "-c", text], **DETACHED)
         while not (children := psutil.Process(parent.pid).children()):
             time.sleep(0.05)
         kill_session(parent.pid)

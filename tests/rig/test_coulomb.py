@@ -172,5 +172,3 @@ def test_what_cannot_be_used_is_reported_with_every_recording(cylinder):
     assert "mute: no force" in str(refused.value)
     with pytest.raises(DataError, match="at least one"):
         coulomb_friction([])
-    with pytest.raises(ParameterError, match="band"):
-        coulomb_friction([cylinder(1e5, 4.0)], band=(0.8, 0.3))

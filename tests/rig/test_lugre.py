@@ -14,11 +14,9 @@ from clutchid.rig.lugre import resolution
 
 pytestmark = pytest.mark.slow
 
-WINDOW = 0.02
-
 
 def test_the_deflection_is_the_closed_form_of_a_held_velocity(tribometer, block):
-    (segment,) = segments(tribometer(), WINDOW)
+    (segment,) = segments(tribometer())
     F_C, K_z, D_v, D_zdot = values = [block[name] for name in NAMES]
     z, expected = 3e-5, np.empty(len(segment))
     for k, v in enumerate(segment.velocity):
@@ -32,7 +30,7 @@ def test_the_deflection_is_the_closed_form_of_a_held_velocity(tribometer, block)
 
 
 def test_the_derivatives_of_the_force_are_those_of_differences(tribometer, block):
-    (segment,) = segments(tribometer(), WINDOW)
+    (segment,) = segments(tribometer())
     at = np.array([*(block[name] for name in NAMES), 3e-5])
     jacobian = free_run(segment, at[:-1], at[-1])[1]
     for i, value in enumerate(at):
@@ -158,7 +156,7 @@ def test_fixed_friction_is_a_check_whose_start_and_zero_alone_are_free(tribomete
 def test_damping_at_its_bound_is_reported(tribometer, block):
     log = tribometer({**block, "D_zdot": 0.0})
     # less force wherever the bristle moves: damping that is negative
-    (segment,) = segments(log, WINDOW)
+    (segment,) = segments(log)
     slope = free_run(segment, [block[name] for name in NAMES], 0.0)[1][:, NAMES.index("D_zdot")]
     friction = fit_lugre(log.with_columns(force=log["force"] - 100.0 * slope))
     assert friction.values["D_zdot"] == 0.0
@@ -186,7 +184,6 @@ def test_a_recording_that_shows_no_friction_is_refused_in_one_sentence(tribomete
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"window": 0.0}, "window"),
         ({"fixed": {"F_c": 1.0}}, "F_c"),
         ({"fixed": {"K_z": -1.0}}, "K_z"),
         ({"inertia": -1.0}, "inertia = -1 kg: must be a mass of at least 0 kg"),

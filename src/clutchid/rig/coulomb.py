@@ -23,7 +23,8 @@ from clutchid.rig.weighted import (
 )
 from clutchid.strokes.sampled import runs, velocity
 
-#: Fractions of the reach between which a pass is averaged: without pre-sliding and the reversals at its ends.
+#: Fractions of the reach between which a pass is averaged: without pre-sliding and the reversals at its ends. Both
+#: directions are averaged over the same positions: forces that depend on the position cancel in their difference.
 _BAND = (0.3, 0.8)
 
 #: Half window in s over which the speed is computed.
@@ -77,16 +78,13 @@ class Cycle:
         return (self.out.pressure + self.back.pressure) / 2
 
 
-def passes(log: Log, band: tuple[float, float] = _BAND) -> list[Pass]:
-    """Passes at constant speed in order of time, each averaged within `band` of the reach.
+def passes(log: Log) -> list[Pass]:
+    """Passes at constant speed in order of time, each averaged within `_BAND` of the reach.
 
     Parameters
     ----------
     log : Log
         Position in m, force in N and, where measured, pressure_a in Pa.
-    band : (1, 1)
-        Fractions of the reach, in [0, 1]; both directions are averaged over the same positions, so that forces that
-        depend on the position cancel in their difference.
 
     Returns
     -------
@@ -107,7 +105,7 @@ def passes(log: Log, band: tuple[float, float] = _BAND) -> list[Pass]:
     if finite.sum() < 3:
         return []
     low, high = np.quantile(position[finite], [0.02, 0.98])
-    ends = low + np.array(band) * (high - low)
+    ends = low + np.array(_BAND) * (high - low)
     speed = velocity(log.time, position, _WINDOW)
     slow = _SLOW * float(np.nanquantile(np.abs(speed), 0.9))
     inside = finite & (position >= ends[0]) & (position <= ends[1])
@@ -217,12 +215,7 @@ class CoulombFriction:
 
 
 def coulomb_friction(
-    logs: Sequence[Log],
-    *,
-    ambient: float | None = None,
-    area: float | None = None,
-    band: tuple[float, float] = _BAND,
-    level_gap: float = _LEVEL_GAP,
+    logs: Sequence[Log], *, ambient: float | None = None, area: float | None = None
 ) -> CoulombFriction:
     r"""Coulomb friction from passes at constant speed and constant pressures.
 
@@ -237,10 +230,6 @@ def coulomb_friction(
         Pressure on the other side of the piston; by default from the metadata of each recording, else P_0.
     area : m², optional
         Slope of the force over the pressure, if known; by default estimated over the levels.
-    band : (1, 1)
-        Fractions of the reach between which a pass is averaged.
-    level_gap : Pa
-        Cycles whose mean pressures are further apart than this belong to different levels.
 
     Returns
     -------
@@ -251,7 +240,7 @@ def coulomb_friction(
     DataError
         If a recording has no position, force or cycle, or the force drives the motion, so that its sign is wrong.
     ParameterError
-        If `band` is not in [0, 1], or an area is given without a measured pressure.
+        If an area is given without a measured pressure.
 
     Notes
     -----
@@ -272,12 +261,8 @@ def coulomb_friction(
     >>> f"{found.area.value * 1e6:.0f} mm², {found.slope.value * 1e5:.1f} N/bar on {found.intercept.value:.1f} N"
     '500 mm², 1.0 N/bar on 3.0 N'
     """
-    if not (0.0 <= band[0] < band[1] <= 1.0):
-        raise ParameterError(
-            f"band = {band[0]:g} to {band[1]:g}: needs two increasing fractions of the reach between 0 and 1."
-        )
-    pairs, dropped = _all_cycles(logs, ambient, band, level_gap)
-    groups = _levels(pairs, level_gap)
+    pairs, dropped = _all_cycles(logs, ambient)
+    groups = _levels(pairs)
     if area is not None and not (np.isfinite(area) and np.isfinite(groups[0].pressure)):
         raise ParameterError(
             f"area = {area:g} m²: needs a finite value and recordings with pressure_a, because it corrects for the "
@@ -287,9 +272,7 @@ def coulomb_friction(
     return _result(groups, _area(groups) if given_area is None and len(groups) > 1 else given_area, dropped)
 
 
-def _all_cycles(
-    logs: Sequence[Log], ambient: float | None, band: tuple[float, float], level_gap: float
-) -> tuple[list[tuple[Cycle, float]], int]:
+def _all_cycles(logs: Sequence[Log], ambient: float | None) -> tuple[list[tuple[Cycle, float]], int]:
     """Cycles of all recordings with their pressure above ambient, and the number of passes in no cycle."""
     pairs: list[tuple[Cycle, float]] = []
     problems, dropped = [], 0
@@ -298,15 +281,15 @@ def _all_cycles(
         if absent:
             problems.append(f"{log.name}: no {' and no '.join(absent)}; friction needs both.")
             continue
-        strokes = passes(log, band)
-        own = [cycle for cycle in cycles(strokes) if not abs(2 * cycle.half_pressure) > level_gap]
+        strokes = passes(log)
+        own = [cycle for cycle in cycles(strokes) if not abs(2 * cycle.half_pressure) > _LEVEL_GAP]
         dropped += len(strokes) - 2 * len(own)
         outside = float(log.metadata.get("ambient_Pa", AMBIENT)) if ambient is None else ambient
         pairs += [(cycle, cycle.pressure - outside) for cycle in own]
         if not own:
             problems.append(
                 f"{log.name}: no cycle of two strokes at constant speed and pressure ({len(strokes)} strokes); record "
-                f"strokes in both directions that pass {100 * band[0]:.0f} to {100 * band[1]:.0f} % of the reach at "
+                f"strokes in both directions that pass {100 * _BAND[0]:.0f} to {100 * _BAND[1]:.0f} % of the reach at "
                 "constant speed."
             )
         elif np.median([cycle.half_difference for cycle in own]) <= 0.0:
@@ -331,12 +314,12 @@ class _Group:
     swing: float
 
 
-def _levels(pairs: Sequence[tuple[Cycle, float]], gap: float) -> list[_Group]:
+def _levels(pairs: Sequence[tuple[Cycle, float]]) -> list[_Group]:
     """Group the cycles by level, in order of pressure."""
     order = sorted(range(len(pairs)), key=lambda i: pairs[i][1])
     members: list[list[int]] = [order[:1]]
     for before, i in pairwise(order):
-        if pairs[i][1] - pairs[before][1] > gap:
+        if pairs[i][1] - pairs[before][1] > _LEVEL_GAP:
             members.append([])
         members[-1].append(i)
     groups = []

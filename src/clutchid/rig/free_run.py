@@ -84,29 +84,26 @@ class FreeRunSegment:
         return self.stop - self.start
 
 
-def segments(log: Log, window: float) -> list[FreeRunSegment]:
-    """Divide a recording into segments; a hole in time or a missing position ends a segment.
+#: Half window in s over which the velocity is computed, as the difference of the mean positions after and before a
+#: sample: it averages quantisation and noise of the position sensor.
+VELOCITY_WINDOW = 0.02
 
-    Parameters
-    ----------
-    log : Log
-        With a position in m.
-    window : s
-        Half window of the velocity: difference of the mean positions after and before a sample.
-    """
+
+def segments(log: Log) -> list[FreeRunSegment]:
+    """Divide a recording with a position into segments; a hole in time or a missing position ends a segment."""
     position = log["position"]
     apart, parts = np.append(False, holes(log.time)), []
     for first, last in runs(np.isfinite(position)):
         edges = [first, *(first + 1 + np.flatnonzero(apart[first + 1 : last])).tolist(), last]
         for start, stop in pairwise(edges):
             if stop - start >= _FEWEST:
-                parts.append(_segment(log, (start, stop), window))
+                parts.append(_segment(log, (start, stop)))
     return parts
 
 
-def _segment(log: Log, ends: tuple[int, int], window: float) -> FreeRunSegment:
+def _segment(log: Log, ends: tuple[int, int]) -> FreeRunSegment:
     time, position = log.time[slice(*ends)], log["position"][slice(*ends)]
-    return FreeRunSegment(*ends, velocity(time, position, window), np.diff(time))
+    return FreeRunSegment(*ends, velocity(time, position, VELOCITY_WINDOW), np.diff(time))
 
 
 def free_run(segment: FreeRunSegment, values: Sequence[float], z_start: float) -> tuple[FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ from clutchid.log import BoolArray, FloatArray, Log, sample_interval
 from clutchid.names import check_names
 from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise
 from clutchid.parameters import Parameters
-from clutchid.rig.free_run import NAMES, FreeRunSegment, free_run, segments
+from clutchid.rig.free_run import NAMES, VELOCITY_WINDOW, FreeRunSegment, free_run, segments
 from clutchid.strokes.residual_colour import effective_samples
 from clutchid.strokes.sampled import velocity
 
@@ -86,11 +86,11 @@ def resolution(position: FloatArray) -> tuple[float, float]:
     return step, max(noise, quantised / np.sqrt(12.0))
 
 
-def lugre_problem(log: Log, fixed: Mapping[str, float], window: float, inertia: float = 0.0) -> LugreProblem:
+def lugre_problem(log: Log, fixed: Mapping[str, float], inertia: float = 0.0) -> LugreProblem:
     """Problem with scales and bounds from the ranges and the resolution of position and force."""
     position = log["position"]
-    parts = segments(log, window)
-    inertial = inertial_force(log, parts, window, inertia)
+    parts = segments(log)
+    inertial = inertial_force(log, parts, inertia)
     force = log["force"] - (inertial if inertia else 0.0)
     reach = float(np.nanmax(position) - np.nanmin(position))
     ends = np.nanquantile(force, [0.02, 0.98])
@@ -121,12 +121,12 @@ def lugre_problem(log: Log, fixed: Mapping[str, float], window: float, inertia: 
     return LugreProblem(log, inertial, parts, unit, low / unit, high / unit, free, base / unit)
 
 
-def inertial_force(log: Log, parts: Sequence[FreeRunSegment], window: float, inertia: float) -> FloatArray:
+def inertial_force(log: Log, parts: Sequence[FreeRunSegment], inertia: float) -> FloatArray:
     """Mass times acceleration; the acceleration is the difference of mean velocities, as the velocity of positions."""
     force = np.full(len(log), np.nan)
     for part in parts:
         ends = slice(part.start, part.stop)
-        force[ends] = inertia * velocity(log.time[ends], part.velocity, window)
+        force[ends] = inertia * velocity(log.time[ends], part.velocity, VELOCITY_WINDOW)
     return force
 
 
@@ -230,9 +230,6 @@ def poor(fit: float) -> list[str]:
     ]
 
 
-#: Half window in s over which the velocity is computed; averages quantisation and noise of the position sensor.
-VELOCITY_WINDOW = 0.02
-
 #: A stiffness that falls by more than this share, and by more than its standard error, when the variance of the noise
 #: of the position is doubled has no interval: on simulated rigs the shift is then too small to cover the true value.
 _SOFTENED = 0.05
@@ -279,9 +276,7 @@ class LugreFit:
     warnings: tuple[str, ...]
 
 
-def fit_lugre(
-    log: Log, *, fixed: Mapping[str, float] | None = None, window: float = VELOCITY_WINDOW, inertia: float = 0.0
-) -> LugreFit:
+def fit_lugre(log: Log, *, fixed: Mapping[str, float] | None = None, inertia: float = 0.0) -> LugreFit:
     r"""Fit LuGre friction, Eqs. (2) and (3), to a recording of a test rig.
 
     .. math:: f = f_0 + M a + D_v v + K_z z + D_{\dot z} \dot z
@@ -296,13 +291,10 @@ def fit_lugre(
     fixed : {name: value}, optional
         Parameters that are not estimated: F_C, K_z, D_v, D_zdot, force_zero. With the first four fixed, the fit
         validates them.
-    window : s
-        Half window of the velocity: difference of the mean positions after and before a sample. It should be short
-        compared with F_C / (K_z v).
     inertia : kg
         Mass M between the load cell and the friction, at least 0. Its acceleration a is the difference of the mean
-        velocities over `window` after and before a sample: noise of the position is averaged twice, and accelerations
-        shorter than two windows are smoothed.
+        velocities over `VELOCITY_WINDOW` after and before a sample: noise of the position is averaged twice, and
+        accelerations shorter than two windows are smoothed.
 
     Returns
     -------
@@ -313,7 +305,7 @@ def fit_lugre(
     DataError
         If position or force is missing, nothing moves, or the force drives the motion, so that its sign is wrong.
     ParameterError
-        If a fixed name is unknown, its value not admissible, `window` not above 0, or `inertia` below 0.
+        If a fixed name is unknown, its value not admissible, or `inertia` below 0.
 
     Notes
     -----
@@ -327,19 +319,19 @@ def fit_lugre(
 
     >>> t = np.arange(0.0, 8.0, 0.005)
     >>> block = Log(t, {"position": 5e-4 * np.sin(2 * np.pi * t / 4), "force": np.zeros(t.size)}, "block")
-    >>> (whole,) = segments(block, VELOCITY_WINDOW)
+    >>> (whole,) = segments(block)
     >>> force, *_ = free_run(whole, (2.0, 2e4, 100.0, 0.0), 0.0)
     >>> found = fit_lugre(block.with_columns(force=force))
     >>> f"{found.values['F_C']:.2f} N, {found.values['K_z'] / 1e3:.1f} N/mm, {found.fit_percent:.0f} %"
     '2.00 N, 20.0 N/mm, 100 %'
     """
-    constants = _checked(log, {} if fixed is None else fixed, window)
+    constants = _checked(log, {} if fixed is None else fixed)
     if not 0.0 <= inertia < np.inf:
         raise ParameterError(f"inertia = {inertia:g} kg: must be a mass of at least 0 kg.")
-    problem = lugre_problem(log, constants, window, inertia)
+    problem = lugre_problem(log, constants, inertia)
     searches = [_searched(problem, start) for start in _starts(problem)]
     best = min(searches, key=lambda solution: solution.at.cost)
-    return _result(problem, best, _shift_by_noise(problem, best, window, inertia))
+    return _result(problem, best, _shift_by_noise(problem, best, inertia))
 
 
 def _searched(problem: LugreProblem, start: FloatArray) -> Solution[Linearisation]:
@@ -347,7 +339,7 @@ def _searched(problem: LugreProblem, start: FloatArray) -> Solution[Linearisatio
     return minimise(lambda x: _linearised(problem, x), (start, _linearised(problem, start)), low, high, tolerance=1e-10)
 
 
-def _shift_by_noise(problem: LugreProblem, best: Solution[Linearisation], window: float, inertia: float) -> FloatArray:
+def _shift_by_noise(problem: LugreProblem, best: Solution[Linearisation], inertia: float) -> FloatArray:
     """Shift of the scaled free parameters if noise like that of the position is added to it.
 
     The noise moves the bristle, which makes it look softer. Its variance is doubled here, so that the shift is about
@@ -356,8 +348,8 @@ def _shift_by_noise(problem: LugreProblem, best: Solution[Linearisation], window
     position = problem.log["position"]
     noise = resolution(position)[1] * np.random.default_rng(0).standard_normal(position.size)
     log = problem.log.with_columns(position=position + noise)
-    parts = segments(log, window)
-    noisy = replace(problem, log=log, parts=parts, inertial=inertial_force(log, parts, window, inertia))
+    parts = segments(log)
+    noisy = replace(problem, log=log, parts=parts, inertial=inertial_force(log, parts, inertia))
     return _searched(noisy, best.x).x - best.x
 
 
@@ -370,9 +362,7 @@ def _simulated(
     return force
 
 
-def _checked(log: Log, fixed: Mapping[str, float], window: float) -> dict[str, float]:
-    if not window > 0.0:
-        raise ParameterError(f"window = {window:g} s: must be above 0 s; the default is {VELOCITY_WINDOW:g} s.")
+def _checked(log: Log, fixed: Mapping[str, float]) -> dict[str, float]:
     for name in fixed:
         check_names([name], _FREE, "friction parameter")
     Parameters(**{name: value for name, value in fixed.items() if name in NAMES})

@@ -19,10 +19,10 @@ _SINCE = (0.003, 0.006, 0.01, 0.02, 0.03, 0.05, 0.1)
 _ON_OFF_TOLERANCE, _ON_OFF_SHARE = 0.02, 0.95
 
 
-def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: float = 0.95) -> Log:
-    r"""`simulated` with an interval of its pressure that contains the fraction `level` of the samples of others.
+def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]]) -> Log:
+    r"""`simulated` with an interval of its pressure that contains 95 % of the samples of others.
 
-    .. math:: |p_A - \hat p_A| \le q_g, \quad q_g \text{ the } \lceil (n_g + 1) \, level \rceil \text{-th smallest of }
+    .. math:: |p_A - \hat p_A| \le q_g, \quad q_g \text{ the } \lceil 0.95 \, (n_g + 1) \rceil \text{-th smallest of }
               n_g \text{ known errors in group } g
 
     Samples are grouped by whether the supply valve is on and by the time since it was last switched, `_SINCE`. This is
@@ -35,8 +35,6 @@ def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: floa
         With duty cycles and pressure_a in Pa, simulated.
     pairs : several (measured, simulated)
         Recordings of the same actuator with the pressure measured, and their simulations with the same parameters.
-    level : 1
-        Fraction of the samples that the interval is to contain, in (0, 1).
 
     Returns
     -------
@@ -76,7 +74,7 @@ def switching_band(simulated: Log, pairs: Sequence[tuple[Log, Log]], level: floa
     half = np.full(len(simulated), quantile(error, 1.0))
     simulated_groups = _group(simulated)
     for group in np.unique(groups):
-        half[simulated_groups == group] = quantile(error[groups == group], level)
+        half[simulated_groups == group] = quantile(error[groups == group], 0.95)
     pressure = simulated["pressure_a"]
     return simulated.with_columns(**{"pressure_a low": pressure - half, "pressure_a high": pressure + half})
 
