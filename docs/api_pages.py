@@ -29,7 +29,8 @@ EQUATIONS = ("motion", "friction", "chambers", "valves", "opening", "supply", "l
 INTERNAL = {
     "ActiveColumns", "Columns", "Coordinate", "FreeArrays", "GroupChange", "JointFilter",
     "JointSettings", "JointState", "KernelArrays", "LoadPieces", "MovingColumns", "Noise", "ObserverState",
-    "OnlinePrior", "ParameterMap", "PositionOnlyErrors", "RestWatch", "Strokes", "SupplyUse", "Tail", "Vehicle", "_Run",
+    "OnlinePrior", "ParameterMap", "PositionOnlyErrors", "RestWatch", "RecordedSupply", "Strokes", "Tail", "Vehicle",
+    "_Run",
 }  # fmt: skip
 
 

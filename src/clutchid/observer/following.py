@@ -96,7 +96,7 @@ class Observed(NamedTuple):
     partial : (n,)
         Whether nothing is learnt from the sample, as its stroke was not followed from its beginning.
     supply_unlike : (n,)
-        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.SupplyUse`.
+        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.RecordedSupply`.
     repeated : (n,)
         Whether a sample follows the last one so soon that it repeats it.
     """

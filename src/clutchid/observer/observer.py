@@ -28,7 +28,7 @@ from clutchid.observer.prior import (
     SUPPLY_STD,
     Air,
     OnlinePrior,
-    SupplyUse,
+    RecordedSupply,
     air_of,
     considered_supply,
     deviation_by_air,
@@ -104,7 +104,7 @@ class Observer:
     adapting: tuple[str, ...]
     spacing: float
     missed: float
-    supply: SupplyUse | None = None
+    supply: RecordedSupply | None = None
     air: Air | None = None
     calibration: Calibration | None = None
     zero: Zero = "subtract"

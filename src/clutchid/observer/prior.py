@@ -63,7 +63,7 @@ def considered_supply(actuator: Actuator, share: float) -> Considered | None:
     return Considered(start, rate)
 
 
-class SupplyUse(NamedTuple):
+class RecordedSupply(NamedTuple):
     """Use of a recorded supply pressure.
 
     `ratio` of the estimated to the recorded one in the calibration, its standard deviation as a `share` of it, and the
@@ -126,12 +126,12 @@ def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     return Air(conditions.temperature, powers)
 
 
-def supply_of(actuator: Actuator, calibration: Calibration | None) -> SupplyUse | None:
+def supply_of(actuator: Actuator, calibration: Calibration | None) -> RecordedSupply | None:
     """Ratio of the supply pressure to a recorded one by the calibration; None if it has none."""
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.supply is None or conditions.supply_estimated is None or "p_S" not in actuator.states:
         return None
-    return SupplyUse(
+    return RecordedSupply(
         conditions.supply_estimated / conditions.supply,
         sqrt(2.0) * ACCURACY["P_S"] / conditions.supply,
         conditions.supply,

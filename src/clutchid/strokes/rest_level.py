@@ -37,7 +37,7 @@ _ROUGH = 10.0
 _GROWTH, _FADING = 1.25, 0.02
 
 #: After this many moving blocks without a rest at the level, the lowest rest is the new level: the zero has changed.
-LOST = 3
+_LOST = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _level(
         return before.level, before.lost + moving
     at_level = resting[np.abs(resting - before.level) <= draft.band]
     lowest = _lowest(resting, draft.band)
-    if lowest < before.level - draft.band or (before.lost + moving > LOST and at_level.size == 0):
+    if lowest < before.level - draft.band or (before.lost + moving > _LOST and at_level.size == 0):
         return lowest, 0
     if at_level.size:
         return float(np.median(at_level)), 0
