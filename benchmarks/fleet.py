@@ -23,7 +23,7 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import fleet_of, read_all, tasks
 from clutchid.fleets.store import run_store
 from clutchid.truck import drive, truck
 from clutchid.verbs.wear_reading import ReadingOptions

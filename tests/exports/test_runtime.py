@@ -224,7 +224,7 @@ def test_an_export_goes_on_from_what_a_saved_state_has_learnt(found_by, observer
     outputs, compared = found_by("joint", CStyle(real="double"), followed, saved)
     assert compared.holds(CStyle(real="double")), compared
     assert compared.strokes[0] > saved.strokes.ended > 0
-    first_flags = outputs.outputs[100, COLUMNS.index("flags")]
+    first_flags = outputs.outputs[100, RESULT_COLUMNS.index("flags")]
     assert bool(int(first_flags) >> list(FLAGS).index("zero_unknown") & 1) == (case == "jumped")
 
 
@@ -234,7 +234,7 @@ def test_a_resumed_export_whose_zero_moves_has_the_numbers_of_one_that_begins_as
     saved, _ = observe(estimator, start(estimator), log)
     resumed, new = (found_by("joint", CStyle(real="double"), moved, state)[0] for state in (saved, None))
     assert saved.theta.any()
-    assert np.nanmax(resumed.outputs[:, COLUMNS.index("rest")]) > 3e-4
+    assert np.nanmax(resumed.outputs[:, RESULT_COLUMNS.index("rest")]) > 3e-4
     np.testing.assert_allclose(resumed.theta, new.theta, rtol=0, atol=1e-9)
 
 

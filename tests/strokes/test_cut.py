@@ -192,14 +192,14 @@ def test_a_long_hold_is_a_section_of_its_own(made):
 def test_a_stroke_that_is_too_long_is_divided_and_a_hole_or_a_rest_divides_none(made):
     times = np.arange(0.0, 400.0, 2.0)
     log = made([(0.0, 0.0), *zip(1.0 + times, np.where(times % 4.0, 5e-3, REACH), strict=True), (405.0, 0.0)])
-    strokes = [section for section in cut(log) if section.kind == "stroke"]
+    strokes = [section for section in sections_of(log) if section.kind == "stroke"]
     first, *others = [section.divided for section in strokes]
     assert not first
     assert others
     assert all(others)
-    assert not any(section.divided for section in cut(log.slice(0, 100_000)))
+    assert not any(section.divided for section in sections_of(log.slice(0, 100_000)))
     with_hole = Log(log.time + (log.time > 50.0), log.columns)
-    assert [section.divided for section in cut(with_hole.slice(0, 100_000))].count(True) == 0
+    assert [section.divided for section in sections_of(with_hole.slice(0, 100_000))].count(True) == 0
 
 
 def test_slow_motion_is_a_stroke_and_only_the_hold_within_it_is_held(made):

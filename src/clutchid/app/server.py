@@ -119,7 +119,7 @@ async def _about(session: Session, _request: Request) -> Response:
     """Facts that are constant while the server runs: units, quantities, verbs."""
     units = {name: asdict(unit) for name, unit in UNITS.items()}
     return JSONResponse({
-        "version": version("clutchid"), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
     })  # fmt: skip
 

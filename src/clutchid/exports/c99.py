@@ -166,6 +166,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "clock_us": CLOCK,
         "beyond_stops": BEYOND_STOPS,
         "held_us": round(HELD_BACK / stroke.RESOLUTION),
+        "lost_us": round(conditions.LOST / stroke.RESOLUTION),
         "shortest_stroke_us": round(stroke.SHORTEST / stroke.RESOLUTION),
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,

@@ -29,7 +29,7 @@ from clutchid.strokes.stroke import Strokes
 _SENSOR_NOISE = 1e-5
 
 #: Columns of a recording that the C is given.
-SAMPLE = ("position", "duty_supply", "duty_exhaust", "pressure_supply", "temperature_ambient")
+_SAMPLE = ("position", "duty_supply", "duty_exhaust", "pressure_supply", "temperature_ambient")
 
 #: Columns of the results of a sample in C, see ``replay.c``.
 RESULT_COLUMNS = tuple(OUTPUTS)
@@ -152,8 +152,8 @@ def begins_us(log: Log) -> int:
 
 
 def samples_of(log: Log) -> FloatArray:
-    """The samples of a recording for the C, shape (n, 6): `SAMPLE`, and microseconds since the last one."""
-    columns = [log.columns.get(name, np.full(len(log), np.nan)) for name in SAMPLE]
+    """The samples of a recording for the C, shape (n, 6): `_SAMPLE`, and microseconds since the last one."""
+    columns = [log.columns.get(name, np.full(len(log), np.nan)) for name in _SAMPLE]
     return np.column_stack([*columns, microseconds(log)])
 
 
@@ -207,8 +207,7 @@ def replayed(program: Path, observer: Observer, log: Log) -> Replayed:
     ExportError
         If it fails.
     """
-    air = [repr(kelvin) for kelvin in log.columns.get("temperature_ambient", np.zeros(0))[:1].tolist()]
-    values = np.frombuffer(_checked([str(program), *air], samples_of(log).tobytes()))
+    values = np.frombuffer(_checked([str(program)], samples_of(log).tobytes()))
     n, m = len(log) * len(RESULT_COLUMNS), BAND * curve_positions(observer).size
     outputs, load, rest = values[:n], values[n : n + m], values[n + m :]
     return Replayed(

@@ -158,7 +158,27 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     True
     """
     steps = sample_intervals(time)
-    if steps.size < _BURSTS * _LEAST or steps.min() < 0 or steps.max() > JUMP_AHEAD:
+    if steps.size < _BURSTS * _LEAST:
+        return None
+    with np.errstate(over="ignore"):
+        between = steps[steps > HOLE * np.median(steps)]
+        if between.size < _BURSTS:
+            return None
+        longest = min(JUMP_AHEAD, _LEAST * np.median(between))
+    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > longest)) + 1)
+    lines = [_steadied(part) for part in parts]
+    sentence = next((line[1] for line in lines if line is not None), None)
+    if sentence is None:
+        return None
+    return np.concatenate(
+        [part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]
+    ), sentence
+
+
+def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
+    """`steadied` of stamps without a gap or a step back."""
+    steps = sample_intervals(time)
+    if steps.size < _BURSTS * _LEAST:
         return None
     ends = np.flatnonzero(steps > HOLE * np.median(steps))
     if ends.size < _BURSTS or ends.size * _LEAST > time.size or np.median(np.diff(ends)) < _LEAST:

@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.filter.setup import IntArray
 from clutchid.inference.uncertainty.conditions import ACCURACY, AIR, LOST, RATE, SWING
-from clutchid.log import BoolArray, FloatArray
-from clutchid.observer.gaps import RESOLUTION
+from clutchid.log import BoolArray, FloatArray, IntArray
 from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 from clutchid.simulation.parameter_map import parameter_map
+from clutchid.strokes.stroke import RESOLUTION
 
 
 class AirOfSamples(NamedTuple):

@@ -25,7 +25,7 @@ from clutchid.inference.filter.joint_filter import (
 from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
-from clutchid.observer.air import at_air, changes_of_air
+from clutchid.observer.air import air_of_samples, at_air
 from clutchid.observer.gaps import bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
 from clutchid.observer.observer import Observer, start, unknown
@@ -97,6 +97,8 @@ class Observed(NamedTuple):
         Whether nothing is learnt from the sample, as its stroke was not followed from its beginning.
     supply_unlike : (n,)
         Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.RecordedSupply`.
+    air_refused, air_lost : (n,)
+        See `clutchid.observer.air.AirOfSamples`.
     repeated : (n,)
         Whether a sample follows the last one so soon that it repeats it.
     """

@@ -61,40 +61,33 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
     samples : Observed
         What the observer found in the recording.
     """
-    spacing, y_max = observer.spacing, observer.actuator.parameters.y_max
-    position = np.where(samples.repeated, 0.0, log["position"] - subtracted(observer, samples.rest))
-    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0) | samples.repeated
-    recorded = np.isfinite(position)
-    followed = np.isfinite(samples.states[:, 0])
-    steps = np.diff(np.append(earlier[-1:], log.time))
-    innovation, variance = samples.innovations.T
-    corrected = np.isfinite(innovation)
-    outliers = np.abs(innovation[corrected]) > observer.joint.noise.outlier * np.sqrt(variance[corrected])
-    return {
-        "position_missing": spacing * int(np.sum(~recorded)),
-        "position_frozen": spacing * int(np.sum(recorded & followed & ~samples.used)),
-        "position_beyond_stops": spacing
-        * int(np.sum((position < -OUTSIDE_STOPS) | (position > y_max + OUTSIDE_STOPS))),
-        "duty_missing": spacing * int(np.sum(~driven)),
-        "time_missing": float(np.sum(steps[steps > HOLE * spacing] - spacing)),
-        "outlier": spacing * observer.joint.settings.every * int(outliers.sum()),
-        "diverged": spacing
-        * int(np.sum(recorded & driven & ~followed & ~samples.no_zero & ~samples.repeated & ~samples.contradicted)),
-        "leak": spacing * int(np.sum(samples.leaking)),
-        "rest_moved": spacing * int(np.sum(samples.rest != 0.0)),
-        "unlike_calibration": spacing * observer.joint.settings.every * int(np.sum(samples.mismatch > MISMATCHED)),
-        "contradiction": spacing * int(np.sum(samples.contradicted)),
-        "supply_unlike": spacing * int(np.sum(samples.supply_unlike)),
-        "position_none": spacing * int(np.sum(samples.verdicts == rule.BEYOND)),
-        "position_jumps": spacing * int(np.sum(np.isin(samples.verdicts, (rule.STEP, rule.SEAM)))),
-        "zero_unknown": spacing * int(np.sum(samples.no_zero)),
-        "repeated_samples": spacing * int(np.sum(samples.verdicts == rule.REPEATED)),
-        "late_correction": 0.0,
-        "repeated": spacing * int(np.sum(samples.repeated)),
+    y_max, single = observer.actuator.parameters.y_max, ~samples.repeated
+    position = log["position"] - subtracted(observer, samples.rest)
+    driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
+    recorded, followed = np.isfinite(position), np.isfinite(samples.states[:, 0])
+    innovation, deviation = samples.innovations[:, 0], np.sqrt(samples.innovations[:, 1])
+    excused = samples.no_zero | samples.contradicted
+    by_sample: dict[str, BoolArray] = {  # but those that repeat others
+        "position_missing": ~recorded,
+        "position_frozen": recorded & followed & ~samples.used,
+        "position_beyond_stops": (position < -OUTSIDE_STOPS) | (position > y_max + OUTSIDE_STOPS),
+        "duty_missing": ~driven,
+        "diverged": recorded & driven & ~followed & ~excused,
+        "leak": samples.leaking,
+        "rest_moved": samples.rest != 0.0,
+        "contradiction": samples.contradicted,
+        "supply_unlike": samples.supply_unlike,
+        "position_none": samples.verdicts == rule.BEYOND,
+        "position_jumps": np.isin(samples.verdicts, (rule.STEP, rule.SEAM)),
+        "zero_unknown": samples.no_zero,
+        "repeated_samples": samples.verdicts == rule.REPEATED,
+        "not_learning": samples.partial,
+        "air_refused": samples.air_refused,
+        "air_lost": samples.air_lost,
     }
     by_correction = {
         "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,
-        "unlike_calibration": samples.mismatch > UNLIKE,
+        "unlike_calibration": samples.mismatch > MISMATCHED,
     }
     steps = np.diff(np.append(earlier[-1:], log.time))
     counts = {name: int(np.count_nonzero(mask & single)) for name, mask in by_sample.items()}

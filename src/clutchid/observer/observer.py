@@ -16,7 +16,6 @@ from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
-from clutchid.observer.gaps import RESOLUTION
 from clutchid.observer.methods import method_for
 from clutchid.observer.prior import (
     AIR_STD,
@@ -39,6 +38,7 @@ from clutchid.observer.prior import (
 from clutchid.observer.state import EMPTY, ObserverState, Sound, Tail, segment_of
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace
+from clutchid.strokes.stroke import RESOLUTION
 from clutchid.strokes.vented_rest import Zero
 
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as

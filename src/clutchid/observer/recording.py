@@ -11,6 +11,7 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import NOT_RECORDED
 from clutchid.inference.uncertainty.estimates import POINTS, LoadCurve
 from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator

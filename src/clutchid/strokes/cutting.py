@@ -93,7 +93,7 @@ def sections_of(recording: Log | Iterable[Log]) -> Iterator[Section]:
         yield described(part, divided=goes_on)
 
 
-def _parts(whole: Iterable[Samples]) -> Iterator[CompletedSamples | None]:
+def _parts(whole: Iterable[StrokeSamples]) -> Iterator[CompletedSamples | None]:
     """Completed strokes and rests of consecutive blocks, None at a hole."""
     carried, pending = _CuttingState(), None
     for block in whole:

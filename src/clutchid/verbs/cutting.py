@@ -64,7 +64,6 @@ def cut(
     (True, '23 mm')
     """
     from clutchid.measurements import read_pieces
-    from clutchid.strokes import choose, joined, sections_of
 
     if isinstance(recording, Log):
         name, pieces = recording.name, iter([recording])
@@ -120,6 +119,16 @@ def cut_file(
         If the recording cannot be read, or the table cannot be written.
     """
     from clutchid.files import atomic_write
+
+    pieces = _pieces(path, files, warn, show)
+    if table is None:
+        return _chosen(pieces, seconds, lambda _: None)
+    with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        return _chosen(pieces, seconds, csv.writer(file).writerow)
+
+
+def _chosen(pieces: Iterable[Log], seconds: float, write_row: Callable[[Iterable[object]], object]) -> CutRecording:
+    """The strokes and rests of a recording in pieces, each written as a row."""
     from clutchid.strokes import choose, joined, sections_of, sections_table
 
     counts: Counter[str] = Counter()
@@ -132,13 +141,13 @@ def cut_file(
 
 def _sentence(times: Sequence[float], *, held: bool) -> str:
     """Where strokes are divided: by holds, or because they are too long."""
-    from clutchid.strokes.borders import LONGEST, LONGEST_HOLD
+    from clutchid.strokes.borders import LONGEST_HOLD, LONGEST_SECTION
 
     count = "a stroke is" if len(times) == 1 else f"{len(times):,} strokes are"
     why = (
         f"where the piston stands still for {LONGEST_HOLD:g} s or longer: the ways there and back are two strokes"
         if held
-        else f"after {LONGEST:,} samples: each part is a stroke of its own"
+        else f"after {LONGEST_SECTION:,} samples: each part is a stroke of its own"
     )
     return f"{count} divided {why}; the first at {times[0]:.3f} s."
 

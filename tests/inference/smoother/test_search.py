@@ -339,7 +339,11 @@ def test_a_step_across_a_kink_has_the_problem_linearised_on_its_other_side(
         move = next(moves, None)
         if move is None:
             return current, 0.0, radius
-        return replace(current, x=current.x + [0.0, 0.0, move, 0.0], cost=0.9 * current.cost), current.cost / 9, radius
+        return (
+            replace(current, x=current.x + np.array([0.0, 0.0, move, 0.0]), cost=0.9 * current.cost),
+            current.cost / 9,
+            radius,
+        )
 
     monkeypatch.setattr(module.VariableProjection, "step", moving)
     x = np.array([0.0, valve_problem.kinks[1] - 1.0, kink + 0.19, valve_problem.kinks[3] - 1.0])

@@ -123,7 +123,7 @@ def test_what_is_no_text_with_samples_is_refused_in_a_sentence(text, words):
 def test_a_row_has_one_time_and_others_that_differ_from_it_are_refused(later, refused):
     rows = [f"{i / 1000},{i / 100},{i / 1000 + later},{i % 101},0,noon" for i in range(2 * HEAD_LINES)]
     header = "time [s],position [mm],time supply [s],duty_supply [%],duty_exhaust [%],time of day"
-    rows[HEAD + 50] = rows[HEAD + 50].replace(f",{(HEAD + 50) / 1000 + later},", ",spoiled,")
+    rows[HEAD_LINES + 50] = rows[HEAD_LINES + 50].replace(f",{(HEAD_LINES + 50) / 1000 + later},", ",spoiled,")
     text = "\n".join([header, *rows, ""]).encode()
 
     def blocks():

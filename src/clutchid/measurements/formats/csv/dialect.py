@@ -363,7 +363,7 @@ def _grouped(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Itera
 
     Decimals would have their zeros, ``996.000``, or another number of digits.
     """
-    for index, column in enumerate(columns):
+    for name, column in zip(columns, rows, strict=False):
         cells = [cell.strip() for cell in column if not is_missing(cell)]
         pointed = [cell for cell in cells if "." in cell]
         whole = [cell for cell in cells if cell.lstrip("+-").isdigit() and cell.lstrip("+-0")]
