@@ -53,9 +53,12 @@ def inlined(function: _Function) -> _Function:
 def _compiled(function: _Function, **options: Any) -> _Function:
     import numba  # slow to import, which a process that runs no kernel need not wait for
 
-    from clutchid.codegen.machine_code import MachineCode
+    from clutchid.codegen.machine_code import Kernel, MachineCode
 
-    made: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    usual = {"nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy"}
+    made: Any = Kernel(function, targetoptions={**usual, **options})
     if Path(function.__code__.co_filename).is_file():
         made._cache = MachineCode(function)
     return cast(_Function, made)

@@ -1,6 +1,6 @@
-"""Machine code on disk as Numba keeps it, with a checksum: damaged files are compiled again."""
+"""Kernels, and their machine code on disk as Numba keeps it, with a checksum: damaged files are compiled again."""
 
-# mypy: disallow-untyped-calls=False
+# mypy: disallow-subclassing-any=False, disallow-untyped-calls=False
 
 from __future__ import annotations
 
@@ -8,16 +8,46 @@ import hashlib
 import pickle
 import sys
 import warnings
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from numba.core import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, InTreeCacheLocator
+from numba.core.registry import CPUDispatcher
 
 from clutchid.codegen.cache import announce
 
 _SIZE = hashlib.sha256().digest_size
+
+#: Options of a function that is called neither from Python nor by its address.
+_NO_ENTRIES = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+class _Part(CPUDispatcher):
+    """A function that kernels call: without entries from Python and C, and without a file of its own.
+
+    A literal argument, such as False, is no type of its own, for which all that the function calls would be compiled
+    once more.
+    """
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Compiled function for these types of arguments."""
+        return super().get_call_template(tuple(map(types.unliteral, args)), kws)
+
+
+class Kernel(CPUDispatcher):
+    """A function that Numba compiles: for calls from Python, and as a part of the kernels that call it."""
+
+    @cached_property
+    def _part(self) -> _Part:
+        return _Part(self.py_func, targetoptions={**self.targetoptions, **_NO_ENTRIES})
+
+    @property
+    def _numba_type_(self) -> Any:
+        """Type by which other kernels see it."""
+        return types.Dispatcher(self._part)
 
 
 class _Beside(InTreeCacheLocator):

@@ -63,7 +63,7 @@ def filtered(step, recording):
         for m in range(2):
             if np.isfinite(values[i, m]):
                 measurement = values[i, m], OFFSETS[m], SIGMA[m], NEVER
-                kernels.correct(state, SENSORS[m], measurement, False, NO_FREE, np.ones(0), gain, room)
+                kernels.correct(state.x, state, SENSORS[m], measurement, False, NO_FREE, np.ones(0), gain, room)
         means.append((*predicted, state.x[:N].copy(), S[:N].copy(), moved))
     return means
 

@@ -91,7 +91,7 @@ def corrected(kernels, value, sigma, outlier, sensor=1):
     """State, derivatives, covariance and gain after one measurement."""
     state, gain = drawn_state(), np.zeros(SIZE + 1)
     room, measurement = scratch(SIZE, K + SIZE, state.T, N, 2), (value, 0.3, sigma, outlier)
-    e = kernels.correct(state, SENSORS[sensor], measurement, False, NO_FREE, np.ones(K), gain, room)
+    e = kernels.correct(state.x, state, SENSORS[sensor], measurement, False, NO_FREE, np.ones(K), gain, room)
     L = state.S[:, K:]
     return state.x, state.S[:, :K], L @ L.T, gain, e
 
@@ -125,7 +125,7 @@ def test_an_outlier_moves_the_state_as_a_sensor_would_whose_error_lies_at_the_bo
 def test_a_given_gain_moves_state_and_derivatives_alone(kernels):
     state, gain = drawn_state(correlated=True), np.arange(1.0, SIZE + 2.0)
     moved, room = drawn_state(correlated=True), scratch(SIZE, K, state.T, N, 2)
-    e = kernels.correct(moved, SENSORS[0], (0.4, 0.1, 0.6, NEVER), False, NO_FREE, np.ones(K), gain, room)
+    e = kernels.correct(moved.x, moved, SENSORS[0], (0.4, 0.1, 0.6, NEVER), False, NO_FREE, np.ones(K), gain, room)
     assert e == pytest.approx(0.3 - state.x[3])
     assert moved.x == pytest.approx(state.x + gain[:SIZE] * e)
     assert pytest.approx(state.S - np.outer(gain[:SIZE], state.S[3])) == moved.S

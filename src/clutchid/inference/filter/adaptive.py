@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
+from clutchid.codegen.linked import by_address
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import move
 from clutchid.inference.filter.references import AdaptiveNumbers, AdaptiveState
@@ -26,6 +27,8 @@ from clutchid.inference.filter.setup import (
     ModelArrays,
 )
 from clutchid.log import FloatArray, IntArray
+
+by_address(AdaptiveState)
 
 
 @kernel
@@ -121,7 +124,7 @@ def follow_adaptively(
     Parameters as of `recursion.follow_segment`; T is a root of the gains of the weights; there are no columns and no
     drift.
     """
-    u, length, substeps, _, lags = intervals
+    u, length, substeps, lags = intervals.inputs, intervals.length, intervals.substeps, intervals.lags
     begin, end, _ = span
     x, at_speed, at_position = state.x, arrays.settings.at_speed, arrays.settings.at_position
     model, none, before = arrays.model, arrays.scratch.S, arrays.scratch.before

@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import kernel
+from clutchid.codegen.linked import by_address
 from clutchid.inference.filter.joint_parameters import basis_at, refresh, steps_at, within
 from clutchid.inference.filter.recursion import project_parameters, step_model, update_parameters
 from clutchid.inference.filter.references import BalanceState
@@ -34,6 +35,9 @@ _PRESCRIBED = 1e9
 
 #: Rows of the smoothing weights: position and velocity late, position of the newest sample.
 LATE, _LATE_SPEED, _NEWEST = range(3)
+
+
+by_address(BalanceState)
 
 
 @kernel

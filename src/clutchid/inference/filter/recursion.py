@@ -33,6 +33,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clutchid.codegen.kernels import inlined, kernel
+from clutchid.codegen.linked import by_address
 from clutchid.inference.filter.joint_parameters import (
     first_deviations,
     move_parameters,
@@ -59,6 +60,8 @@ from clutchid.inference.filter.setup import (
 from clutchid.inference.filter.transition import begin_columns, bring_up, place_window
 from clutchid.log import FloatArray, IntArray
 from clutchid.simulation.comparison import lag_coefficients
+
+by_address(FilterState, FilterArrays, Intervals, FilterOutput)
 
 
 @inlined
@@ -243,14 +246,14 @@ def move_alone(
 
 
 @kernel
-def add_waiting_noise(state: FilterState, sensors: IntArray, scratch: Scratch) -> None:
+def add_waiting_noise(S: FloatArray, waiting: FloatArray, sensors: IntArray, scratch: Scratch) -> None:
     """Add the process noise since the last correction to the covariance of the states."""
-    waiting, sigma = state.waiting, scratch.h
+    sigma = scratch.h
     n = waiting.size - sensors.shape[0]
     for i in range(n):
         sigma[i] = math.sqrt(waiting[i])
         waiting[i] = 0.0
-    add_process_noise(state.S, sigma[:n], sensors, waiting[n:], scratch.W)
+    add_process_noise(S, sigma[:n], sensors, waiting[n:], scratch.W)
 
 
 @kernel
@@ -306,6 +309,7 @@ def update_parameters(
 
 @kernel
 def correct(
+    x: FloatArray,
     state: FilterState,
     sensor: IntArray,
     measurement: tuple[float, float, float, float],
@@ -322,8 +326,8 @@ def correct(
 
     Parameters
     ----------
-    state
-        In place.
+    x, state
+        The filter's state where the measurement was made, in place.
     sensor : (4,)
         A row of `sensors`.
     measurement
@@ -336,7 +340,7 @@ def correct(
     scratch
         Its h receives the derivatives of the predicted measurement: the row of its output in S, 1 for its offset.
     """
-    x, S, theta, T = state.x, state.S, state.theta, state.T
+    S, theta, T = state.S, state.theta, state.T
     value, offset, sigma, outlier = measurement
     h, w, step = scratch.h, scratch.w, scratch.step
     size, k, columns = x.size, theta.size, S.shape[1]
@@ -408,9 +412,9 @@ def add_considered(state: FilterState, slopes: FloatArray, deviations: FloatArra
 @kernel
 def correct_sample(
     prepare: Callable[..., None],
+    moment: tuple[FloatArray, FloatArray, FloatArray],
     state: FilterState,
     arrays: FilterArrays,
-    values: FloatArray,
     adapts: bool,
     output: tuple[FloatArray, FloatArray, FloatArray],
 ) -> None:
@@ -418,19 +422,20 @@ def correct_sample(
 
     Parameters
     ----------
-    values : (sensors,)
-        NaN for none.
+    moment
+        x, waiting noise and measurements (sensors,), NaN for none, of the sample.
     adapts
         Whether the parameters are corrected too.
     output
         Errors (sensors, 2), gains (sensors, size + 1) and rows (1, sensors, k + 1) of the sample, see `FilterOutput`;
         rows (0, ...) are not written.
     """
+    x, waiting, values = moment
     errors, gains, rows = output
     sensors, settings, derived, scratch = arrays.sensors, arrays.settings, arrays.derived, arrays.scratch
-    of_sensor, size = derived.of_sensor, state.x.size
+    of_sensor, size = derived.of_sensor, x.size
     if state.S.shape[1] > state.theta.size:
-        add_waiting_noise(state, sensors, scratch)
+        add_waiting_noise(state.S, waiting, sensors, scratch)
     for c in range(state.E.shape[1]):
         for i in range(size):
             state.E[i, c] += settings.source[i, c]
@@ -441,7 +446,7 @@ def correct_sample(
                 rows[0, m] = 0.0
             continue
         measurement = values[m], of_sensor[m, 0], of_sensor[m, 1], settings.outlier
-        e = correct(state, sensors[m], measurement, adapts, arrays.free, derived.slopes, gains[m], scratch)
+        e = correct(x, state, sensors[m], measurement, adapts, arrays.free, derived.slopes, gains[m], scratch)
         errors[m, 0], errors[m, 1] = e, gains[m, size]
         if rows.shape[0] > 0:
             write_row(rows[0, m], scratch.h, e, gains[m, size], settings.outlier)
@@ -483,17 +488,15 @@ def end_correction(
     """
     window, scratch, numbers, theta = arrays.window, arrays.scratch, arrays.free.numbers, state.theta
     x, moved, responses = state.x, state.moved, window.columns.size
-    earlier = FilterState(
-        state.at_x, state.S, theta, state.T, state.at_waiting, state.at_moved, state.at_first, state.E, state.G,
-        state.at_x, state.at_moved, state.at_waiting, state.at_first, state.at_values, state.due, state.wear,
-    )  # fmt: skip
-    place_window(earlier.first[0], window)
-    bring_up(earlier, earlier.moved, window.columns, scratch.S)
+    at_x = state.at_x
+    place_window(state.at_first[0], window)
+    bring_up(state, state.at_moved, window.columns, scratch.S)
     place_window(state.first[0], window)
-    copy(scratch.x, earlier.x)
+    copy(scratch.x, at_x)
     for j in range(theta.size):
         scratch.si[j] = value_in_si(numbers[j], theta[j])
-    correct_sample(prepare, earlier, arrays, earlier.at_values, state.due[0] & ADAPTS > 0, output)
+    moment = at_x, state.at_waiting, state.at_values
+    correct_sample(prepare, moment, state, arrays, state.due[0] & ADAPTS > 0, output)
     if state.due[0] & WEARS > 0:
         add_drift(state.T, arrays.settings.drifts, state.wear, scratch.turns)
     for j in range(theta.size):
@@ -503,7 +506,7 @@ def end_correction(
         for c in range(responses):
             change += moved[i, c] * scratch.si[window.columns[c]]
         for q in range(x.size):
-            change += moved[i, responses + q] * (earlier.x[q] - scratch.x[q])
+            change += moved[i, responses + q] * (at_x[q] - scratch.x[q])
         x[i] += change
     state.due[0] = 0
 
@@ -624,8 +627,12 @@ def follow_segment(
     span
         First sample, and the one after the last; number of sample 0 since the filter started.
     """
-    u, length, substeps, sigma, lags = intervals
-    errors, states, deviations, gains, rows, watched = output
+    u, length, substeps, sigma, lags = (
+        intervals.inputs, intervals.length, intervals.substeps, intervals.sigma, intervals.lags,
+    )  # fmt: skip
+    errors, states, deviations, gains, rows, watched = (
+        output.errors, output.states, output.deviations, output.gains, output.rows, output.watched,
+    )  # fmt: skip
     model, free, settings, window = arrays.model, arrays.free, arrays.settings, arrays.window
     begin, end, number = span
     x, at_speed, at_position = state.x, settings.at_speed, settings.at_position
@@ -655,7 +662,7 @@ def follow_segment(
             end_correction(prepare, state, arrays, of_sample)
             corrected = True
         if not packed and turn == 0:
-            correct_sample(prepare, state, arrays, values[i], False, of_sample)
+            correct_sample(prepare, (x, state.waiting, values[i]), state, arrays, False, of_sample)
             corrected = True
         if deviations.shape[0] > 0:
             deviations[row] = np.nan
