@@ -205,23 +205,9 @@ def _field(context: Any, builder: Any, kind: Any, record: Any, name: str) -> Any
     place, of = cgutils.gep_inbounds(builder, values, 0, number), kind.values[number]
     if isinstance(of, types.BaseNamedTuple):
         return builder.bitcast(place, cgutils.voidptr_t)
-    value = _constant_value(builder, place)
+    value = builder.load(place)
     if isinstance(of, types.Array):  # without a count of references
         array = context.make_array(of)(context, builder, value)
         array.meminfo = cgutils.get_null_value(array.meminfo.type)
         return array._getvalue()
     return impl_ret_borrowed(context, builder, of, value)
-
-
-def _constant_value(builder: Any, place: Any) -> Any:
-    """The value at an address; a loop need not read it again, because nothing changes it."""
-    kind = place.type.pointee
-    if isinstance(kind, (ir.ArrayType, ir.LiteralStructType)):
-        value = ir.Constant(kind, ir.Undefined)
-        for number in range(len(kind)):
-            part = _constant_value(builder, cgutils.gep_inbounds(builder, place, 0, number))
-            value = builder.insert_value(value, part, number)
-        return value
-    value = builder.load(place)
-    value.set_metadata("invariant.load", builder.module.add_metadata([]))
-    return value
