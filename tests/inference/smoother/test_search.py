@@ -11,6 +11,7 @@ from clutchid.inference.smoother import trial
 from clutchid.inference.smoother.problem import condense, linearise
 from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
 from clutchid.inference.smoother.trial import evaluate_step, shifted_states
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 
@@ -302,15 +303,16 @@ def test_the_cost_has_a_kink_where_a_valve_opens_fully_at_the_highest_duty_cycle
     assert values == pytest.approx([duties.max() for duties in expected])
 
 
-def stepped(problem, x, towards):
+def stepped(problem, x, towards, held):
     """Where a Gauss-Newton step from x ends that would end at `towards` were it not for bounds and kinks."""
     factor = np.column_stack([np.eye(x.size), x - towards])
-    return x + module.bounded_step(module.within_kinks(problem, x), factor, x, radius=10.0)
+    return x + module.bounded_step(module.within_kinks(problem, x, held), factor, x, radius=10.0)
 
 
 @pytest.mark.parametrize(
     ("start", "towards", "end"),
     [
+        pytest.param("at", 0.5, "above", id="a start at the kink has not come from above"),
         pytest.param(0.4, -0.5, "below", id="from above it ends at the kink, where the derivatives are those below"),
         pytest.param(-0.4, 0.5, "above", id="from below it ends above the kink"),
         pytest.param("below", 0.5, "below", id="what has come from above stays where both sides lead to the kink"),
@@ -323,11 +325,12 @@ def stepped(problem, x, towards):
 )
 def test_a_step_of_one_parameter_ends_at_a_kink_and_the_others_take_the_whole_step(valve_problem, start, towards, end):
     kinks = valve_problem.kinks
-    places = {"below": kinks[2] - module._AT_KINK, "above": kinks[2] + module._BEYOND_KINK}
+    places = {"at": kinks[2], "below": kinks[2] - module._AT_KINK, "above": kinks[2] + module._BEYOND_KINK}
     at = {name: places[value] if isinstance(value, str) else kinks[2] + value for name, value in
           (("start", start), ("towards", towards), ("end", end))}  # fmt: skip
     x, goal = np.array([0.1, -2.0, at["start"], -0.1]), np.array([1.1, -2.7, at["towards"], -0.7])
-    assert stepped(valve_problem, x, goal) == pytest.approx([1.1, -2.7, at["end"], -0.7], abs=1e-9)
+    held = np.array([False, False, start == "below", False])
+    assert stepped(valve_problem, x, goal, held) == pytest.approx([1.1, -2.7, at["end"], -0.7], abs=1e-9)
 
 
 def test_a_step_across_a_kink_has_the_problem_linearised_on_its_other_side(
@@ -350,3 +353,31 @@ def test_a_step_across_a_kink_has_the_problem_linearised_on_its_other_side(
     assert search(valve_problem, x, starts_of(valve_problem), (1.0,)).status == "converged"
     # the first, and one for each of the three steps that lead across
     assert [at[0][2] > kink for at in started] == [True, False, True, False]
+
+
+def test_a_parameter_stays_at_a_kink_only_after_it_has_come_there_from_above(valve_problem):
+    projection = module.VariableProjection.of(valve_problem, lambda: None)
+    kink, there = valve_problem.kinks[2], np.array([0.0, -2.0, 0.0, -1.0])
+    places = {"above": kink + 0.2, "just below": kink - 1e-6, "below": kink - 0.2, "beyond": kink + 0.03}
+    at = {name: there + np.array([0.0, 0.0, value, 0.0]) for name, value in places.items()}
+    steps = [
+        ("above", "just below", True, True),
+        ("just below", "just below", False, True),
+        ("just below", "below", False, False),
+        ("below", "beyond", True, False),
+        ("beyond", "above", False, False),
+    ]
+    for before, after, crossed, held in steps:
+        assert projection.crossed(at[before], at[after]) == crossed
+        assert projection.held.tolist() == [False, False, held, False]
+
+
+def test_a_bound_at_a_kink_does_not_keep_a_parameter_there(plant, drive_log, problem_of, starts_of):
+    highest = float(drive_log["duty_supply"].max())
+    problem = problem_of(
+        [drive_log], plant, ("R_1vs", "C_vs"), bounds={"R_1vs": (highest, 1.5)}, priors={"R_1vs": Prior(1.1, 0.1)}
+    )
+    x = problem.bounds()[0]
+    limits = module.within_kinks(problem, x, np.zeros(2, dtype=bool))
+    assert limits[0][0] == pytest.approx(problem.kinks[0])
+    assert limits[1][0] > problem.kinks[0] + 0.01

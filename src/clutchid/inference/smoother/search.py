@@ -31,7 +31,7 @@ from clutchid.inference.smoother.trial import (
     with_theta_fixed,
     with_theta_free,
 )
-from clutchid.log import FloatArray
+from clutchid.log import BoolArray, FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import SearchStatus, Solution, bounded_solution
 from clutchid.numerics.progress import Progress, Stage, Step
@@ -166,7 +166,7 @@ def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) ->
 
 def settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
     """`solution` moved to x, with the states that cost least there."""
-    at = VariableProjection(problem, initial_damping(problem), lambda: None).moved(solution.at, x)
+    at = VariableProjection.of(problem, lambda: None).moved(solution.at, x)
     return at if isinstance(at, Failure) else replace(solution, x=x, at=at)
 
 
@@ -202,7 +202,7 @@ def project(
     Variable projection: Golub and Pereyra 1973.
     """
     counter = _Counter(on_evaluation)
-    projection = VariableProjection(problem, initial_damping(problem), counter)
+    projection = VariableProjection.of(problem, counter)
     start = projection.moved(X, x) if isinstance(X, LinearisedProblem) else projection.start(x, X)
     if isinstance(start, Failure):
         return start
@@ -214,7 +214,7 @@ def project(
 
     for _ in range(MAX_STEPS):
         candidate, predicted, radius = projection.step(current, radius)
-        gain, crossed = current.cost - candidate.cost, _crossed(problem, current.x, candidate.x)
+        gain, crossed = current.cost - candidate.cost, projection.crossed(current.x, candidate.x)
         current = candidate
         counter.cost = current.cost
         little, poor = gain < CONVERGED_GAIN, gain < _POOR_SHARE * predicted
@@ -253,11 +253,20 @@ class _Counter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VariableProjection:
-    """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation."""
+    """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation.
+
+    `held` (k,) are the parameters that have come to a kink of the cost from above.
+    """
 
     problem: Problem
     damping: Damping
     on_evaluation: Callable[[], None]
+    held: BoolArray
+
+    @classmethod
+    def of(cls, problem: Problem, on_evaluation: Callable[[], None]) -> VariableProjection:
+        """Before its first step."""
+        return cls(problem, initial_damping(problem), on_evaluation, np.zeros(len(problem.coordinates), dtype=bool))
 
     def start(self, x: FloatArray, X: Sequence[FloatArray]) -> LinearisedProblem | Failure:
         """Linearise at `x` and `X`, and minimise over the states."""
@@ -273,7 +282,7 @@ class VariableProjection:
     def step(self, current: LinearisedProblem, radius: float) -> tuple[LinearisedProblem, float, float]:
         """The problem after a step, or `current` if none gains; predicted gain of a full step; radius of the next."""
         factor, chains = condense(self.problem, current)
-        limits = within_kinks(self.problem, current.x)
+        limits = within_kinks(self.problem, current.x, self.held)
         predicted = _predicted_gain(factor, bounded_step(limits, factor, current.x))
         if predicted < CONVERGED_GAIN:
             return current, predicted, radius
@@ -284,6 +293,13 @@ class VariableProjection:
                 return candidate, predicted, min(radius / _SHRINK_FACTOR, _MAX_RADIUS) if trial == 0 else radius
             radius *= _SHRINK_FACTOR
         return current, predicted, radius
+
+    def crossed(self, before: FloatArray, after: FloatArray) -> bool:
+        """Whether a step of the parameters has crossed a kink of the cost; notes which are held at one."""
+        kinks = self.problem.kinks
+        down = (before > kinks) & (after <= kinks)
+        self.held[:] = down | (self.held & (after == before))
+        return bool(np.any((before > kinks) != (after > kinks)))
 
     def moved(self, near: LinearisedProblem, x: FloatArray) -> LinearisedProblem | Failure:
         """The problem at `x`, minimised over the states, from the problem with any prior at a point nearby."""
@@ -304,25 +320,19 @@ class VariableProjection:
         return with_theta_free(self.problem, current, minimised) if minimised.cost < most else NO_GAIN
 
 
-def within_kinks(problem: Problem, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def within_kinks(problem: Problem, x: FloatArray, held: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Bounds of x for a step of the parameters from x: their own, and kinks of the cost, which no derivative shows.
 
     Across a kink the derivatives are wrong, so that longer steps fail, and all parameters creep with the one that has
-    it. A step ends at the kink instead, on its other side. A parameter that has come to a kink from above, and that the
-    derivatives below it lead up, stays: the cost rises to both sides.
+    it. A step ends at the kink instead, on its other side. A parameter that is `held`, as it has come to a kink from
+    above, and that the derivatives below it lead up, stays: the cost rises to both sides.
     """
     low, high = problem.bounds()
     kinks = problem.kinks
     above = x > kinks
-    at_kink = ~above & (x >= kinks - 2 * _AT_KINK)
     low[above] = np.maximum(low, kinks - _AT_KINK)[above]
-    high = np.where(above, high, np.fmin(high, np.where(at_kink, x, kinks + _BEYOND_KINK)))
+    high = np.where(above, high, np.fmin(high, np.where(held, x, kinks + _BEYOND_KINK)))
     return low, high
-
-
-def _crossed(problem: Problem, before: FloatArray, after: FloatArray) -> bool:
-    """Whether a step of the parameters has crossed a kink of the cost."""
-    return bool(np.any((before > problem.kinks) != (after > problem.kinks)))
 
 
 def _predicted_gain(factor: FloatArray, step: FloatArray) -> float:
