@@ -76,6 +76,18 @@ def test_sources_that_give_the_same_text_share_its_machine_code(source):
     assert load_module("numbers", [source], lambda: "value = 1\n").__file__ == first.__file__
 
 
+def test_the_same_text_compiled_in_another_way_makes_another_module(source, monkeypatch, tmp_path):
+    files = [load_module("numbers", [source], lambda: "value = 1\n").__file__]
+    for path in cache._COMPILING:
+        changed = tmp_path / path.name
+        changed.write_bytes(path.read_bytes() + b"\nCHANGED = True\n")
+        monkeypatch.setattr(cache, "_COMPILING", tuple(changed if p == path else p for p in cache._COMPILING))
+        cache._versions.cache_clear()
+        files.append(load_module("numbers", [source], lambda: "value = 1\n").__file__)
+    cache._versions.cache_clear()
+    assert len(set(files)) == 4
+
+
 def test_the_order_of_the_sources_does_not_matter(source):
     other = source.with_name("more.py")
     other.write_text("y = 1")

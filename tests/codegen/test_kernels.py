@@ -44,21 +44,52 @@ def taken(x):
 """
 
 
-def test_machine_code_is_not_that_of_another_layout_of_the_arrays(tmp_path, monkeypatch):
-    """Numba freezes a number that a kernel takes from another module; its own cache does not see that it changes."""
+#: A kernel that takes a record of a module without kernels by its address.
+TAKING_A_RECORD = """
+from clutchid.codegen.kernels import kernel
+from clutchid.codegen.linked import by_address
+from clutchid.layout_of_test import Pair
+
+by_address(Pair)
+
+
+@kernel
+def first_of(pair):
+    return pair.first
+
+
+def taken(x):
+    return first_of(Pair(first=x[0], second=x[1]))
+"""
+
+_PAIR = "from typing import NamedTuple\n\n\nclass Pair(NamedTuple):\n    {}: float\n    {}: float\n"
+
+
+@pytest.mark.parametrize(
+    ("kernel", "layouts", "expected"),
+    [
+        pytest.param(TAKING, ("COLUMN = 0\n", "COLUMN = 1\n"), [3.0, 4.0], id="number"),
+        pytest.param(
+            TAKING_A_RECORD, (_PAIR.format("first", "second"), _PAIR.format("second", "first")), [3.0, 3.0], id="record"
+        ),
+    ],
+)
+def test_machine_code_is_not_that_of_another_layout_of_the_arrays(tmp_path, monkeypatch, kernel, layouts, expected):
+    """Numba freezes a number that a kernel takes from another module, and where the fields of a record lie; its own
+    cache does not see that they change."""
     monkeypatch.setenv("CLUTCHID_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.setattr(clutchid, "__path__", [*clutchid.__path__, str(tmp_path)])
-    (tmp_path / "taking_of_test.py").write_text(TAKING)
-    counts = []
-    for column in (0, 1):
-        (tmp_path / "layout_of_test.py").write_text(f"COLUMN = {column}  # of {column + 1}\n")
+    (tmp_path / "taking_of_test.py").write_text(kernel)
+    taken = []
+    for layout in layouts:
+        (tmp_path / "layout_of_test.py").write_text(layout)
         monkeypatch.delitem(sys.modules, "clutchid.layout_of_test", raising=False)
         importlib.invalidate_caches()
         kernels_in.cache_clear()
-        counts.append(kernels_in("clutchid.taking_of_test").taken(np.array([3.0, 4.0])))
+        taken.append(kernels_in("clutchid.taking_of_test").taken(np.array([3.0, 4.0])))
     kernels_in.cache_clear()
-    assert counts == [3.0, 4.0]
+    assert taken == expected
 
 
 def test_no_two_modules_that_are_compiled_together_define_the_same_name(source):

@@ -52,12 +52,12 @@ def announce() -> None:
 def load_module(name: str, sources: Iterable[Path], build: Callable[[], str]) -> ModuleType:
     """The generated module `name`, built by `build` unless a cached one fits.
 
-    Keys hold the versions of the libraries and the processor type; Numba keeps the machine code beside the module and
-    checks the processor's features itself. A file appears under a temporary name and is renamed, so processes that
-    build at the same time do not disturb each other. The first line of a module holds the hash of the rest: a truncated
-    or damaged file is built again. The cache is a folder of the user's own, which nobody else can write to; if it is
-    read-only, what it holds is used. Else a temporary folder serves, and where nothing can be written, the module goes
-    without a file.
+    Keys hold the versions of the libraries and of what compiles a kernel, and the processor type; Numba keeps the
+    machine code beside the module and checks the processor's features itself. A file appears under a temporary name and
+    is renamed, so processes that build at the same time do not disturb each other. The first line of a module holds the
+    hash of the rest: a truncated or damaged file is built again. The cache is a folder of the user's own, which nobody
+    else can write to; if it is read-only, what it holds is used. Else a temporary folder serves, and where nothing can
+    be written, the module goes without a file.
 
     Raises
     ------
@@ -196,9 +196,15 @@ def meaning(path: Path, content: bytes) -> bytes:
     return ast.dump(tree).encode()
 
 
+#: Modules that say how the compiler treats a kernel, which its text does not show.
+_COMPILING = tuple(Path(__file__).with_name(name) for name in ("kernels.py", "linked.py", "machine_code.py"))
+
+
+@cache
 def _versions() -> list[bytes]:
     libraries = [f"{library} {version(library)}" for library in _LIBRARIES]
-    return [part.encode() for part in (*libraries, platform.python_version(), platform.machine())]
+    versions = [part.encode() for part in (*libraries, platform.python_version(), platform.machine())]
+    return [*versions, *(path.read_bytes() for path in _COMPILING)]
 
 
 def _digest(parts: Iterable[bytes]) -> str:

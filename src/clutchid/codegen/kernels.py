@@ -74,8 +74,8 @@ def kernels_in(name: str) -> ModuleType:
 
     Kernels that it imports from other modules are compiled with it: their text stands in place of the import, so that
     no machine code calls an older version of them. Of other modules of this package from which a kernel takes a name,
-    such as the number of a column, the text has a hash: the compiler freezes their values, and Numba's own cache does
-    not see that they change.
+    such as the number of a column or a record, the text has a hash: the compiler freezes their values, and Numba's own
+    cache does not see that they change.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def _texts(name: str) -> dict[Path, str | None]:
     path = _file(name)
     text, texts = path.read_text(encoding="utf-8"), dict[Path, str | None]()
     lines, tree = text.splitlines(), ast.parse(text)
-    taken = set(_names_in_functions(tree))
+    taken = set(_names_taken(tree))
     for node in tree.body:
         module = node.module if isinstance(node, ast.ImportFrom) else None
         own = module if module and module.startswith("clutchid.") else None
@@ -125,11 +125,14 @@ def _texts(name: str) -> dict[Path, str | None]:
     return {**texts, path: "\n".join(lines)}
 
 
-def _names_in_functions(tree: ast.Module) -> Iterator[str]:
-    """Names in the bodies of the functions of a module, without their annotations and decorators."""
-    for function in tree.body:
-        if isinstance(function, ast.FunctionDef):
-            yield from (node.id for part in function.body for node in ast.walk(part) if isinstance(node, ast.Name))
+def _names_taken(tree: ast.Module) -> Iterator[str]:
+    """Names in a module's statements and in the bodies of its functions, without their annotations and decorators.
+
+    The records that kernels take `by_address` stand in a statement: their fields have places in the machine code.
+    """
+    for node in tree.body:
+        parts = node.body if isinstance(node, ast.FunctionDef) else [node] if isinstance(node, ast.Expr) else []
+        yield from (name.id for part in parts for name in ast.walk(part) if isinstance(name, ast.Name))
 
 
 def _has_kernels(path: Path) -> bool:

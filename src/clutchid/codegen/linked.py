@@ -155,6 +155,11 @@ class RecordType(types.Type):
         self.values = values
         super().__init__(f"Record({values})")
 
+    @property
+    def key(self) -> Any:
+        """The class and its fields, by which two types are the same, and not by their words alone."""
+        return self.values
+
 
 register_model(RecordType)(models.OpaqueModel)
 
