@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.observed import indicators
+from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
 from clutchid.model import Actuator
@@ -126,6 +126,21 @@ def test_a_recorded_supply_that_a_method_does_not_use_is_not_called_missing(plan
         assert {indicators(run).supply for run in (live, observe_recording(made, lower))} == {use}
     without = observe_recording(made, lower.without("pressure_supply"))
     assert indicators(without).supply == "not recorded"
+
+
+@pytest.mark.parametrize("method", ["joint", "rls"])
+@pytest.mark.parametrize("pressure", [20e5, 1e5, 0.0])
+def test_a_recorded_supply_that_cannot_be_right_is_not_called_missing(plant, usual_supply, lower, pressure, method):
+    """In the reasons of the verdict, of a recording and of a live one, which record it only at their beginning."""
+    made = observer(plant, method, calibration=usual_supply)
+    wrong = lower.with_columns(pressure_supply=np.where(lower.time < 4.0, pressure, np.nan))
+    live = live_run(made, start(made))
+    for part in (wrong.slice(0, 3000), wrong.slice(3000, len(wrong))):
+        live, _ = after_block(live, part, dict.fromkeys(LIVE_FLAGS, 0))
+    for run in (live, live.recent(), observe_recording(made, wrong)):
+        indicated = indicators(run)
+        assert (indicated.supply, run.assumes_supply) == ("not used", True)
+        assert not any("record it" in reason for reason in observed_verdict(indicated).reasons)
 
 
 def test_a_live_recording_says_it_too(plant, usual_supply, lower):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 import numpy as np
 
@@ -12,7 +13,15 @@ from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
 from clutchid.observer.observer import Observer
-from clutchid.observer.recording import ObservedRecording, duration, follow_block, too_slow, unused_conditions, usable
+from clutchid.observer.recording import (
+    ObservedRecording,
+    SupplyUse,
+    duration,
+    follow_block,
+    too_slow,
+    unused_conditions,
+    usable,
+)
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.inspection import inspect
 
@@ -35,7 +44,7 @@ class LiveRun:
 
     `health` are the seconds of each fault so far; `begin` and `latest` are the times in s of the first and of the last
     sample, NaN before them; `checked` are the sentences of the checks of its first samples, None before there were
-    enough; `clock` are the last sentences about repairs of its clock; `records_supply` as in `ObservedRecording`.
+    enough; `clock` are the last sentences about repairs of its clock; `supply` as in `ObservedRecording`.
     """
 
     observer: Observer
@@ -49,12 +58,12 @@ class LiveRun:
     usable: bool = False
     checked: tuple[str, ...] | None = None
     clock: tuple[str, ...] = ()
-    records_supply: bool = False
+    supply: SupplyUse = "not recorded"
 
     @property
     def assumes_supply(self) -> bool:
         """As that of an `ObservedRecording`."""
-        return self.observer.supply is None or not self.records_supply
+        return self.supply != "measured"
 
     @property
     def seconds(self) -> float:
@@ -71,7 +80,7 @@ class LiveRun:
         columns = zip(*(part.samples for part in self.parts), strict=True)
         samples = Observed(*(np.concatenate(arrays) for arrays in columns))
         return ObservedRecording(
-            self.observer, log, self.before, self.after, samples, self.strokes, self.health, self.seconds
+            self.observer, log, self.before, self.after, samples, self.strokes, self.health, self.seconds, self.supply
         )
 
 
@@ -113,7 +122,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
         clock=(*run.clock, *block.warnings)[-SENTENCES:],
-        records_supply=run.records_supply or part.records_supply,
+        supply=min(run.supply, part.supply, key=get_args(SupplyUse).index),
     )
     return (with_check_sentences(after) if last - after.begin >= CHECKED else after), part
 

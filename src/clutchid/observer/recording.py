@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -38,6 +38,9 @@ _INNOVATION = {
     "force": ("innovation_force [N]", "innovation_force_std [N]"),
 }
 
+#: Use of the supply pressure of a recording, the best first: "not used" where all of it cannot be right, too.
+SupplyUse = Literal["measured", "not used", "not recorded"]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObservedRecording:
@@ -59,6 +62,8 @@ class ObservedRecording:
         Seconds of each fault, see `clutchid.observer.health`.
     seconds : s
         That were followed.
+    supply
+        Use of the recorded supply pressure.
     """
 
     observer: Observer
@@ -69,16 +74,12 @@ class ObservedRecording:
     strokes: tuple[StrokeRow, ...]
     health: Mapping[str, float]
     seconds: float
-
-    @property
-    def records_supply(self) -> bool:
-        """Whether a supply pressure is recorded."""
-        return recorded(self.log, "pressure_supply")
+    supply: SupplyUse
 
     @property
     def assumes_supply(self) -> bool:
         """Whether the supply pressure is taken to be that of the calibration: less is taken for a larger load."""
-        return self.observer.supply is None or not self.records_supply
+        return self.supply != "measured"
 
     def deviation(self, symbol: str) -> FloatArray:
         """Standard deviation in SI of a state after each sample, that of the last correction; NaN where unknown."""
@@ -265,7 +266,15 @@ def follow_block(
     times = before.tail.time if earlier is None else earlier
     fault_seconds = health(observer, times, values, samples)
     seconds = duration(observer, log.time)
-    return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds)
+    supply = _supply_use(observer, log, values)
+    return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds, supply)
+
+
+def _supply_use(observer: Observer, log: Log, values: Log) -> SupplyUse:
+    """Use of the supply pressure of a part of a recording, as it is and without what is no value."""
+    if not recorded(log, "pressure_supply"):
+        return "not recorded"
+    return "not used" if observer.supply is None or not recorded(values, "pressure_supply") else "measured"
 
 
 def _values(log: Log, samples: Observed) -> Log:

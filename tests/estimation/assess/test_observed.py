@@ -31,6 +31,7 @@ GOOD = Indicators(True, 12, 0.03, 1.1, dict.fromkeys(FLAGS, 0.0), "measured")
         ({"flagged": {"position_frozen": 0.9}}, "good", None),
         ({"flagged": {"leak": 0.01}}, "with care", "leaks (1 % of the time)"),
         ({"flagged": {"diverged": 0.001}}, "with care", "started again (0.1 % of the time)"),
+        ({"flagged": {"leak": 0.997}}, "with care", "leaks (100 % of the time)"),
         ({"supply": "not recorded"}, "with care", "and the band allows for it; record it."),
         ({"supply": "not used"}, "with care", "the supply pressure was not used"),
         ({"unvented": (Reason("no rest"),)}, "with care", "no rest"),

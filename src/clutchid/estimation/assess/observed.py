@@ -18,7 +18,7 @@ from clutchid.observer.health import FLAGS
 from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.observer import Observer
-from clutchid.observer.recording import ObservedRecording
+from clutchid.observer.recording import ObservedRecording, SupplyUse
 
 #: Levels of trust by their number, in the exported C and in frames.
 TRUSTS: tuple[Trust, ...] = ("none", "with care", "good")
@@ -78,10 +78,6 @@ _ZEROS: Mapping[ZeroKnown, str] = {
 }
 
 
-#: Use of the supply pressure of a recording.
-SupplyUse = Literal["measured", "not used", "not recorded"]
-
-
 class Indicators(NamedTuple):
     """Indicators of an observed load, without its truth.
 
@@ -131,7 +127,7 @@ def indicators(run: ObservedRecording | LiveRun) -> Indicators:
         half / peak if peak > 0.0 else np.inf,
         run.after.mismatch if run.observer.compares else np.nan,
         {name: seconds / run.seconds for name, seconds in run.health.items()},
-        ("not recorded", "not used")[run.records_supply] if run.assumes_supply else "measured",
+        run.supply,
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
         _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
@@ -190,7 +186,7 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
     for name, limit in FLAGGED.items():
         share = indicators.flagged.get(name, 0.0)
         if share > limit.care:
-            yield Reason(f"{FLAGS[name]} ({100 * share:.2g} % of the time).", share > limit.none)
+            yield Reason(f"{FLAGS[name]} ({float(f'{100 * share:.2g}'):g} % of the time).", share > limit.none)
     if indicators.supply != "measured":
         advice = "; record it" if indicators.supply == "not recorded" else ""
         yield Reason(
