@@ -167,6 +167,23 @@ def test_a_temperature_that_is_refused_or_lost_is_flagged_alike(found_by, log):
     assert counts["not_learning"] > 0
 
 
+@pytest.mark.parametrize("every", [1, 7, 1000])
+def test_a_temperature_after_a_hole_is_judged_by_the_time_since_the_last_one(found_by, log, every):
+    """Air may warm up by 31 K in a hole of 130 s; of a channel that sends one in each sample, or rarely."""
+    time = log.time + 130.0 * (log.time > 5.0)
+    time[6002:7000:10] = time[6001:7000:10] + 5e-5  # samples that repeat others give one, too
+    begins = int(np.argmax(log.time > 5.0))
+    sent = np.concatenate([np.arange(begins), np.arange(len(log) - begins)]) % every == 0
+    air = np.where(sent, np.where(log.time > 5.0, 300.0, 285.0), np.nan)
+    outputs, compared = found_by(
+        "joint", CStyle(real="double"), replace(log, time=time).with_columns(temperature_ambient=air)
+    )
+    assert compared.holds(CStyle(real="double")), compared
+    counts = dict(zip(FLAGS, outputs.health.tolist(), strict=True))
+    assert counts["air_refused"] == 0
+    assert counts["repeated"] > 0
+
+
 def test_samples_that_repeat_others_have_that_flag_only(found_by, log):
     """Where the rest has moved, too."""
     moved = log.with_columns(position=log["position"] + 4e-4)
