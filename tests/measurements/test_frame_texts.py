@@ -186,6 +186,12 @@ def test_a_line_that_is_cut_off_is_no_frame_with_zeros(form, save):
             assert bytes(block.data[-1])[:size] == data[:size]
 
 
+def test_a_short_frame_ends_its_line_early(save):
+    rows = [f"{t:.6f},{i:X},1,{hexed(d[: 4 if i % 2 else 8], ',')}" for t, i, d in FRAMES]
+    (block,) = frame_log(save("\n".join(["Time,ID,Bus,B0,B1,B2,B3,B4,B5,B6,B7", *rows]) + "\n", "run.csv")).blocks()
+    assert block.length.tolist() == [4 if i % 2 else 8 for _, i, _ in FRAMES]
+
+
 @pytest.mark.parametrize("form", ["-td", "busmaster decimal"])
 def test_a_remote_frame_counts_in_times_since_the_line_before(form, save):
     text, at = lines(form), len(lines(form)) - 100

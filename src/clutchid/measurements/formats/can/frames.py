@@ -153,6 +153,8 @@ def text_log(
 ) -> FrameLog:
     """The log of a text with a frame a line, below a number of filled lines (`header`); lines of stars are remarks.
 
+    A line that is parsed has its end; only the last one of a file that was cut off has none.
+
     Stamps count from the line before where they are times `between` lines.
     """
 
@@ -161,7 +163,7 @@ def text_log(
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             for line in islice(filter(str.strip, file), header, None):
                 try:
-                    parsed = parse(line.rstrip("\r\n"))
+                    parsed = parse(line)
                 except (ValueError, LookupError):
                     parsed = None
                 stamp, fields = parsed or (0.0, "" if line.startswith("***") else UNREADABLE)

@@ -279,7 +279,7 @@ def _table_line(layout: _FrameTable, buses: dict[str, int], scale: float, zero: 
     extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
     bus = cells[columns["bus"]] if "bus" in columns else ""
     sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
-    stamp, payload = _seconds(cells[columns["stamp"]], zero) * scale, _payload(cells, layout)
+    stamp, payload = _seconds(cells[columns["stamp"]], zero) * scale, _payload(cells, layout, ends=line.endswith("\n"))
     number = buses.setdefault(bus, int(bus) + 1 if bus.isdigit() else len(buses) + 1)
     return stamp, (number, identifier, extended, payload, sent)
 
@@ -288,10 +288,13 @@ def _is_true(cells: Sequence[str], index: int | None) -> bool:
     return index is not None and cells[index].casefold() in _TRUE
 
 
-def _payload(cells: Sequence[str], layout: _FrameTable) -> bytes:
-    """The payload of a line: single bytes, or one text, hexadecimal or as python-can writes it (base 64)."""
+def _payload(cells: Sequence[str], layout: _FrameTable, *, ends: bool) -> bytes:
+    """The payload of a line: single bytes, or one text, hexadecimal or as python-can writes it (base 64).
+
+    A line that `ends` may do so early, as that of a short frame; the last one of a file may be cut off.
+    """
     length = cells[layout.columns["length"]] if "length" in layout.columns else ""
-    if layout.bytes and not length and len(cells) <= layout.bytes[-1]:
+    if layout.bytes and not length and not ends and len(cells) <= layout.bytes[-1]:
         raise ValueError("the line was cut off")
     if layout.bytes:
         payload = bytes(int(cells[i], layout.base) for i in layout.bytes if i < len(cells) and cells[i])
