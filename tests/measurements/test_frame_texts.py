@@ -186,6 +186,16 @@ def test_a_line_that_is_cut_off_is_no_frame_with_zeros(form, save):
             assert bytes(block.data[-1])[:size] == data[:size]
 
 
+@pytest.mark.parametrize("name", ["Type", "Format"])
+@pytest.mark.parametrize(
+    ("kind", "extended"), [("1", 0), ("9", 0), ("T", 0), ("Std", 0), ("x", 1), ("Ext", 1), ("29", 1)]
+)
+def test_a_type_says_29_bits_by_a_word_only(name, kind, extended, save):
+    rows = [f"{t:.6f},{kind},{i:X},8,{d.hex()}" for t, i, d in FRAMES]
+    (block,) = frame_log(save("\n".join([f"Time,{name},ID,DLC,Data", *rows]) + "\n", "run.csv")).blocks()
+    assert block.extended.tolist() == [extended] * len(FRAMES)
+
+
 def test_a_short_frame_ends_its_line_early(save):
     rows = [f"{t:.6f},{i:X},1,{hexed(d[: 4 if i % 2 else 8], ',')}" for t, i, d in FRAMES]
     (block,) = frame_log(save("\n".join(["Time,ID,Bus,B0,B1,B2,B3,B4,B5,B6,B7", *rows]) + "\n", "run.csv")).blocks()
@@ -220,7 +230,9 @@ def test_spoiled_lines_remote_frames_and_sent_ones_are_told_apart(save):
 @pytest.mark.parametrize(
     "head",
     [
-        b"time [s],ID,Data,position [m]\n0,1,2,3\n", b"LOGGER;time\n1;2\n", b"PAR1;PAR2\n1;2\n", b"BZh;x\n1;2\n",
+        b"time [s],ID,Data,position [m]\n0,1,2,3\n", b"time;id;data;position [mm];type\n0;7;1;0;0\n",
+        b"time [s];position [mm];d1 [%];d2 [%];id;type\n0;1;0;9;7;1\n",
+        b"LOGGER;time\n1;2\n", b"PAR1;PAR2\n1;2\n", b"BZh;x\n1;2\n",
         b"Date;Time;Position\n2024-05-01;1;2\n", b"base hex;x\n1;2\n", b"can0,can1\n1,2\n",
     ],
 )  # fmt: skip

@@ -144,7 +144,8 @@ _COLUMNS: Mapping[str, frozenset[str]] = {
         | {"addr", "address"}
     ),
     "data": frozenset({"data", "databytes", "payload", "datahex", "bytes", "databyteshex"}),
-    "extended": frozenset({"extended", "ide", "isextended", "isextendedid", "ext", "idtype", "xtd", "format", "type"}),
+    "extended": frozenset({"extended", "ide", "isextended", "isextendedid", "ext", "idtype", "xtd"}),
+    "kind": frozenset({"format", "type"}),
     "bus": frozenset({"bus", "buschannel", "channel", "interface", "chn", "network"}),
     "length": frozenset({"len", "dlc", "length", "datalength"}),
     "way": frozenset({"dir", "direction", "rxtx", "txrx", "isrx", "tx"}),
@@ -152,8 +153,12 @@ _COLUMNS: Mapping[str, frozenset[str]] = {
     "error": frozenset({"error", "iserror", "er"}),
 }
 _BYTE = re.compile(r"(?:d|b|data|byte|databyte)\[?(\d{1,2})\]?")
+_OTHERS = frozenset({"", "flags"})  # which say nothing here
 _SEPARATORS = (",", ";", "\t")
-_TRUE = frozenset({"true", "t", "1", "9", "yes", "x", "ext", "extended"})  # 9: sent and extended, at CSS Electronics
+_TRUE = frozenset({"true", "t", "1", "yes", "x", "ext", "extended"})
+
+#: Words of a column `kind` for 29 bits; other numbers there mean something else in every tool.
+_EXTENDED = frozenset({"x", "ext", "extended", "xtd", "29", "29bit", "29-bit"})
 
 #: Says in what the numbers below are written, in a line above the names.
 _FORMAT = re.compile(r"Format of (?P<what>data|id) field\W+(?P<base>HEX|DEC)")
@@ -206,7 +211,10 @@ def _layout(header: str) -> _FrameTable | None:
         }
         numbered = sorted((int(match[1]), i) for i, name in enumerate(indexed) if (match := _BYTE.fullmatch(name)))
         payload = "data" in columns or len(numbered) >= 1
-        if {"stamp", "id"} <= set(columns) and payload and len(columns) >= 4 - (len(numbered) > 1):
+        used = {*columns.values(), *(i for _, i in numbered)}
+        others = any(i not in used and name not in _OTHERS for i, name in enumerate(names))
+        evidence = columns.keys() - {"kind"} if others else columns.keys()  # a table of channels may have a type
+        if {"stamp", "id"} <= evidence and payload and len(evidence) >= 4 - (len(numbered) > 1):
             stamp = cells[columns["stamp"]]
             return _FrameTable(separator, columns, tuple(i for _, i in numbered), stamp.unit or "", stamp=stamp.text)
     return None
@@ -276,7 +284,11 @@ def _table_line(layout: _FrameTable, buses: dict[str, int], scale: float, zero: 
         if _is_true(cells, columns.get(what)) or (what == "error" and not cells[columns["id"]]):
             return 0.0, f"{what} frame"
     identifier = int(cells[columns["id"]].removesuffix("h"), base)
-    extended = identifier > 0x7FF or _is_true(cells, columns.get("extended"))
+    extended = (
+        identifier > 0x7FF
+        or _is_true(cells, columns.get("extended"))
+        or ("kind" in columns and cells[columns["kind"]].casefold() in _EXTENDED)
+    )
     bus = cells[columns["bus"]] if "bus" in columns else ""
     sent = "way" in columns and cells[columns["way"]].casefold() in ("tx", "t", "1")
     stamp, payload = _seconds(cells[columns["stamp"]], zero) * scale, _payload(cells, layout, ends=line.endswith("\n"))
