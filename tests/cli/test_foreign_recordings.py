@@ -166,7 +166,7 @@ def test_a_stroke_that_is_divided_at_a_long_hold_is_said_in_python_and_on_the_co
     inputs = {name: np.zeros(time.size) for name in INPUTS}
     write(Log(time, {"position": position, **inputs}), tmp_path / "held.parquet")
     assert called("cut", tmp_path / "held.parquet", "--out", tmp_path / "best.csv") == 0
-    sentence = "a stroke is divided where the piston stands still for 10 s or longer: the ways there and back are two"
+    sentence = "a stroke ends where it is held for 10 s or longer, and what is left of it is one of its own: once at "
     assert f"warning: {sentence}" in capsys.readouterr().err
     (warning,) = clutchid.cut(tmp_path / "held.parquet").warnings
     assert warning.startswith(sentence)

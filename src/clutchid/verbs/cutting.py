@@ -143,13 +143,9 @@ def _sentence(times: Sequence[float], *, held: bool) -> str:
     """Where strokes are divided: by holds, or because they are too long."""
     from clutchid.strokes.borders import LONGEST_HOLD, LONGEST_SECTION
 
-    count = "a stroke is" if len(times) == 1 else f"{len(times):,} strokes are"
-    why = (
-        f"where the piston stands still for {LONGEST_HOLD:g} s or longer: the ways there and back are two strokes"
-        if held
-        else f"after {LONGEST_SECTION:,} samples: each part is a stroke of its own"
-    )
-    return f"{count} divided {why}; the first at {times[0]:.3f} s."
+    where = f"it is held for {LONGEST_HOLD:g} s or longer" if held else f"it has {LONGEST_SECTION:,} samples"
+    count = "once" if len(times) == 1 else f"{len(times):,} times, the first"
+    return f"a stroke ends where {where}, and what is left of it is one of its own: {count} at {times[0]:.3f} s."
 
 
 def _pieces(
