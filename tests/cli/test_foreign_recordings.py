@@ -85,6 +85,17 @@ def test_a_bus_log_is_decoded_and_fitted(tmp_path, log, peak, capsys):
     assert fitted(tmp_path / "bus.blf", "--map", chosen) == pytest.approx(peak, rel=2e-3)
 
 
+def test_a_bus_log_whose_signals_are_called_like_the_quantities_is_checked_without_a_map(tmp_path, capsys):
+    signals = ("position : 0|16@1+ (0.001,0)", "duty_supply : 16|8@1+ (0.5,0)", "duty_exhaust : 24|8@1+ (0.5,0)")
+    units = ("mm", "%", "%")
+    lines = [f' SG_ {text} [0|100] "{unit}" X' for text, unit in zip(signals, units, strict=True)]
+    (tmp_path / "bus.dbc").write_text("\n".join(['VERSION ""', "BU_: X", "BO_ 256 Clutch: 4 X", *lines, ""]))
+    rows = [f"{0.001 * i:.3f},False,100,4,{i % 256:02X}{i // 256:02X}00C8" for i in range(400)]
+    (tmp_path / "bus.csv").write_text("\n".join(["Time,Tx,ID,DLC,Data", *rows, ""]))
+    assert called("look", tmp_path / "bus.csv", "--dbc", tmp_path / "bus.dbc") == 0
+    assert "9 checks" in capsys.readouterr().out
+
+
 def late_mdf(log: Log, folder: Path) -> tuple[Path, Path]:
     """An MDF 4 file with German names whose duty cycles start a sample after the position, and its map."""
     asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")

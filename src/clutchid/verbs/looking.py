@@ -46,7 +46,7 @@ def looked(
     contents = look(file, added if ambient is None else ambient, dbc, channel_map)
 
     def read(channels: ChannelMap | None) -> Log:
-        return next(read_pieces(file, ambient=ambient, added=added, channels=channels, required=NEEDED))
+        return next(read_pieces(file, ambient=ambient, added=added, channels=channels, dbc=dbc, required=NEEDED))
 
     return checked_recording(contents, channel_map, content, read)
 
