@@ -1,10 +1,13 @@
 """Which recordings a fleet has, from folders and from tables, and what contradicts."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.fleets import verbs
+from clutchid.fleets.cluster import Workers
 from clutchid.fleets.jobs import fleet_of
 from clutchid.verbs.tracking import recordings_of
 
@@ -127,3 +130,14 @@ def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
     (depot / "cals" / "V1.toml").touch()
     problems = [job.problem for job in fleet_of(depot / "fleet", depot / "cals").jobs]
     assert any(problem.startswith(r"there is no calibration of vehicle 'V\xfc3'") for problem in problems)
+
+
+@pytest.mark.parametrize(("seconds", "is_first"), [(0.0, False), (10.0, True), (3600.0, False)])
+def test_compilation_does_not_count_in_a_short_time_limit(depot, monkeypatch, seconds, is_first):
+    order = []
+    monkeypatch.setattr(verbs, "start_file", lambda _: None)
+    monkeypatch.setattr(verbs, "tasks", lambda *_, **__: [SimpleNamespace(start=depot / "cal.toml")])
+    monkeypatch.setattr(verbs, "compile_first", lambda _, starts: order.append(starts), raising=False)
+    monkeypatch.setattr(verbs, "read_all", lambda *_: order.append("read"))
+    verbs.fleet(depot / "fleet", depot / "cal.toml", depot / "out", place=Workers(seconds=seconds))
+    assert order == [{depot / "cal.toml"}] * is_first + ["read"]

@@ -126,6 +126,7 @@ def test_what_a_worker_leaves_on_the_disk_goes_with_it():
 #: Programs of which each waits for work that takes a minute, and the number of processes that it has started at least.
 WAITING = {
     "pool": ("from clutchid.processes import results; list(results(faulty, [('slow', n) for n in range(2)], 2))", 2),
+    "compilation": ("from clutchid.fleets import jobs; jobs.compile_models = asleep; jobs.compile_first(None, [])", 1),
     "reader": (  # somebody else keeps its questions open
         "import subprocess, time; from pathlib import Path; from clutchid.measurements.opening import reader\n"
         "questions = reader(Path('x')).worker._process.stdin\n"
@@ -140,7 +141,7 @@ WAITING = {
 def started(code: str) -> subprocess.Popen:
     """A program with the work of these tests."""
     paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    code = f"from fixtures.fleet_faults import faulty, held, reader_started\n{code}"
+    code = f"from fixtures.fleet_faults import asleep, faulty, held, reader_started\n{code}"
     return subprocess.Popen([sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": paths})
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.resources import as_file, files
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -15,7 +16,7 @@ from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
 from clutchid.fleets.store import Store, StoredResult
 from clutchid.names import as_text
-from clutchid.processes import FinishedWork
+from clutchid.processes import FinishedWork, Pool
 from clutchid.verbs.folders import (
     FolderContent,
     ListedFile,
@@ -26,6 +27,7 @@ from clutchid.verbs.folders import (
     no_recordings,
 )
 from clutchid.verbs.reading import by_suffix
+from clutchid.verbs.start import compile_models
 from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
@@ -238,6 +240,24 @@ def read_all(
             progress(count, len(todo))
     finally:
         store.saved()
+
+
+#: The bundled recording.
+_BUNDLED = files("clutchid.study.paper") / "data" / "truck1_calibration.csv"
+
+#: Time in s that a compilation may take on a slow machine: workers with less for a recording would be ended in it.
+COMPILATION = 300.0
+
+
+def compile_first(options: ReadingOptions, calibrations: Iterable[Path]) -> None:
+    """Compile in a worker without a limit what later workers need for some calibrations; these only load it.
+
+    The bundled recording is read as well, for what is compiled by use only.
+    """
+    pool, starts = Pool(), sorted(calibrations)
+    pool.do(compile_models, starts)
+    with as_file(_BUNDLED) as recording:
+        pool.do(partial(read_recording, ReadingOptions(verb=options.verb), starts[0]), recording)
 
 
 def _work(options: ReadingOptions, task: FleetTask) -> RecordingResult:

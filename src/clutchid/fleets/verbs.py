@@ -12,7 +12,7 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import Fleet, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import run_store
 from clutchid.names import as_text
@@ -132,6 +132,8 @@ def fleet(
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
         todo = tasks(listed, options, base, retry=retry)
         if todo:
+            if 0 < place.seconds < COMPILATION and not place.scheduler:
+                compile_first(options, {task.start for task in todo})
             read_all(place, options, todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
         statuses = write_results(listed, base, folder, trends=trends)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clutchid.errors import ParameterError
+from clutchid.errors import ClutchidError, ParameterError
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
@@ -65,6 +67,19 @@ def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tup
         return None if model is None else Actuator(model=model), request
     content = start_file(path, model)
     return content.actuator, started(content, request)
+
+
+def compile_models(calibrations: Iterable[Path]) -> None:
+    """Compile the models of calibrations, and the filter, before the workers start; unreadable files are skipped."""
+    from clutchid.inference.filter.filtering import compile_filter
+    from clutchid.model.compiled import compile_ahead
+
+    models = set()
+    for path in calibrations:
+        with suppress(ClutchidError):
+            models.add(start_file(path).actuator.model)
+    compile_ahead(models)
+    compile_filter()
 
 
 def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
