@@ -509,3 +509,18 @@ def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
 def test_an_hour_of_a_half_day_is_1_to_12():
     assert nanoseconds("13:00:00 PM") is None
     assert nanoseconds("0:00:00 AM") is None
+
+
+@pytest.mark.parametrize(
+    ("names", "units"),
+    [("time [us],position [um]", "µs,µm"), ("time [s],bellows [bar]", "s,bar(g)"), ("time [s],x [degC]", "s,°C")],
+)
+def test_another_spelling_of_a_unit_or_another_unit_of_an_unread_column_is_no_problem(save, names, units):
+    rows = "".join(f"{k},{k},{k % 2},{k % 2}\n" for k in range(30))
+    assert open_file(save(f"{names},duty_supply [%],duty_exhaust [%]\n{units},%,%\n{rows}")).problems == ()
+
+
+def test_a_time_that_counts_down_does_not_lack_zeros(save):
+    rows = "".join(f"{k / 100},{k},{k % 2},{k % 2},{12.9 - k / 20:.6g}\n" for k in range(250))
+    names = "time [s],position [mm],duty_supply [%],duty_exhaust [%],remaining time"
+    assert open_file(save(f"{names}\n{rows}")).problems == ()

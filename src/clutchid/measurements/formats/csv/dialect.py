@@ -330,8 +330,10 @@ def _dialect(filled: Filled, structure: _Structure) -> Dialect:
 def _contradicted(columns: Sequence[Heading], forms: Sequence[CellForm], units: Sequence[str]) -> Iterator[str]:
     """Problems of columns whose names have another unit than the row of units below."""
     for column, cells, unit in zip(columns, forms, units, strict=False):
+        if column.name is None:  # not read by itself
+            continue
         below = unit_spelled(unit)
-        if cells.kind == "number" and {below, column.unit} <= UNITS.keys() and column.unit != below:
+        if cells.kind == "number" and {below, column.unit} <= UNITS.keys() and UNITS[column.unit] != UNITS[below]:
             yield (
                 f"column '{column.text}' has the unit {column.unit} in its name and {below} in the row of units; leave "
                 "the one that holds."
@@ -351,7 +353,7 @@ def _unpadded(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iter
         texts = [part.groups() if part else ("", "") for part in parts]
         steps = [(a, b) for (head, a), (other, b) in pairwise(texts) if head == other and head]
         back = [(a, b) for a, b in steps if len(a) < len(b) and float(f"0.{b}") < float(f"0.{a}")]
-        if len(back) > sum(int(a) > int(b) for a, b in steps):
+        if len(back) > 10 * sum(int(a) > int(b) for a, b in steps):
             yield (
                 f"column '{column.text}': the fraction {back[0][0]} is followed by {back[0][1]}, so they lack zeros; "
                 "write milliseconds with three digits."
