@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from clutchid.measurements.clock import AT_START, Tolerance, matched, runs_of
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import repair
+from clutchid.measurements.time_axis import repair, steadied
 from clutchid.model import Actuator
 from clutchid.observer.gaps import longest
 from clutchid.strokes.values import limits
@@ -170,3 +170,12 @@ def test_groups_without_a_common_order_share_one_shift(lengths):
     first = [time[begin] for time, begin in zip(times, begins, strict=True)]
     assert np.allclose(first[1] - first[0], 0.002, rtol=0, atol=1e-9)
     assert all(np.all(np.diff(time) > 0) for time in times)
+
+
+def test_bursts_that_are_delivered_together_after_a_stall_are_no_gap():
+    at = np.repeat(np.arange(1, 201) * 16e-3, 16) + np.tile(np.arange(16) * 1e-6, 200)
+    held = slice(100 * 16, 104 * 16)
+    at[held] = 104 * 16e-3 + np.arange(64) * 1e-6
+    steady = steadied(at)
+    assert steady is not None
+    np.testing.assert_allclose(np.diff(steady[0]), 1e-3, rtol=1e-2)

@@ -145,7 +145,8 @@ _BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
 def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     """Stamps at the mean rate and a sentence, where a logger stamps in bursts; else None.
 
-    Bursts come at regular intervals of at most `JUMP`; a longer one, or a step back, begins anew. The last sample of
+    Bursts come at regular intervals of at most `JUMP_AHEAD`; a longer one, unless its
+    samples are delivered at its end, or a step back, begins anew. The last sample of
     one is the newest, so that a line through these has the rate.
 
     Examples
@@ -161,11 +162,14 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     if steps.size < _BURSTS * _LEAST:
         return None
     with np.errstate(over="ignore"):
-        between = steps[steps > HOLE * np.median(steps)]
+        ends = np.flatnonzero(steps > HOLE * np.median(steps))
+        between = steps[ends]
         if between.size < _BURSTS:
             return None
-        longest = min(JUMP_AHEAD, _LEAST * np.median(between))
-    parts = np.split(time, np.flatnonzero((steps < 0) | (steps > longest)) + 1)
+        sizes, usual = np.diff(ends, append=time.size - 1), np.median(between)
+        delivered = sizes >= 0.7 * np.median(sizes) * between / usual
+        gaps = ends[(between > JUMP_AHEAD) | ((between > _LEAST * usual) & ~delivered)]
+    parts = np.split(time, np.union1d(np.flatnonzero(steps < 0), gaps) + 1)
     lines = [_steadied(part) for part in parts]
     sentence = next((line[1] for line in lines if line is not None), None)
     if sentence is None:
@@ -189,7 +193,7 @@ def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
         return None
     rate, start = np.polyfit(ends, time[ends], 1)
     line: FloatArray = start + rate * np.arange(time.size)
-    if np.abs(line[ends] - time[ends]).max() > period or np.abs(line - time).max() > 2.0 * period:
+    if np.abs(line[ends] - time[ends]).max() > period or np.abs(line - time).max() > period + steps.max():
         return None
     return line, (
         f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
