@@ -353,7 +353,8 @@ def _unpadded(columns: Sequence[Heading], rows: Sequence[Sequence[str]]) -> Iter
         texts = [part.groups() if part else ("", "") for part in parts]
         steps = [(a, b) for (head, a), (other, b) in pairwise(texts) if head == other and head]
         back = [(a, b) for a, b in steps if len(a) < len(b) and float(f"0.{b}") < float(f"0.{a}")]
-        if len(back) > 10 * sum(int(a) > int(b) for a, b in steps):
+        falls = sum(int(a) > int(b) for a, b in steps)
+        if len(back) > falls and 3 * falls < len(steps):
             yield (
                 f"column '{column.text}': the fraction {back[0][0]} is followed by {back[0][1]}, so they lack zeros; "
                 "write milliseconds with three digits."
