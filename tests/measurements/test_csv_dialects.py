@@ -13,6 +13,7 @@ from clutchid.measurements.formats.csv import lines as csv_lines
 from clutchid.measurements.formats.csv.cells import nanoseconds
 from clutchid.measurements.formats.csv.cells import written as in_iso
 from clutchid.measurements.formats.csv.file import open_file
+from clutchid.measurements.grids import with_own_grids
 from fixtures.sources import everything
 
 pytestmark = pytest.mark.slow
@@ -477,6 +478,15 @@ def test_a_second_time_has_the_unit_of_the_first(tmp_path, suffix, second):
     np.testing.assert_allclose(log["duty_supply"], log["position"] * 10.0)
     guessed = "has no unit; [ms], as that of the other times of the table, is guessed"
     assert any(guessed in text for text in log.warnings) == (second == "time_2")
+
+
+def test_a_second_time_that_spans_a_thousandth_of_the_first_is_not_in_its_unit(tmp_path):
+    k = np.arange(60)
+    columns = {"time [ms]": 10 * k, "position [mm]": k, "time": 0.01 * k, "duty_supply [%]": k, "duty_exhaust [%]": k}
+    path = tmp_path / "run.csv"
+    pl.DataFrame(columns).write_csv(path)
+    _, second = with_own_grids(open_file(path)).rasters
+    assert [heading.unit for heading in second.headings if heading.name == "time"] == [None]
 
 
 def test_columns_between_blanks_need_no_units(save):

@@ -25,6 +25,9 @@ _BEGINNING = 3
 #: Samples of the time columns that show whether they are times: they increase in this share, and decrease in this.
 _SHOWN, _FORWARD, _BACK = 1000, 0.2, 0.05
 
+#: Two times of a table may have the same unit if neither spans this many times the other: units are a thousand apart.
+_ALIKE = 30.0
+
 
 def with_own_grids(source: Source) -> Source:
     """The source, with a time grid for each time column where its table has several."""
@@ -32,13 +35,17 @@ def with_own_grids(source: Source) -> Source:
         return source
     (raster,) = source.rasters
     owned = columns_of_times(raster.headings)
-    if not owned or not increase(next(source.tables(0, list(owned), _SHOWN), None), list(owned)):
+    shown = next(source.tables(0, list(owned), _SHOWN), None)
+    if not owned or shown is None or not increase(shown, list(owned)):
         return source
     texts, warnings = dict(raster.others), source.warnings
     by_index = {heading.index: heading for heading in raster.headings}
+    spans = {time: float(np.ptp(shown.numbers[time][np.isfinite(shown.numbers[time])])) for time in owned}
     units = {by_index[time].unit for time in owned} - {None}
+    longest = max((spans[time] for time in owned if by_index[time].unit is not None), default=0.0)
     for time in owned:
-        if by_index[time].unit is None and len(units) == 1:
+        alike = longest / _ALIKE < spans[time] < longest * _ALIKE
+        if by_index[time].unit is None and len(units) == 1 and alike:
             by_index[time] = replace(by_index[time], unit=next(iter(units)))
             unit = f"[{by_index[time].unit}], as that of the other times of the table, is guessed"
             warnings = (*warnings, f"time: '{by_index[time].text}' has no unit; {unit}.")

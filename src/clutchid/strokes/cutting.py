@@ -45,8 +45,8 @@ def sections_of(recording: Log | Iterable[Log]) -> Iterator[Section]:
     section. A stroke goes from the vented rest back to it, with up to `LEAD` s of the rest before it. The level of the
     rest is estimated from the data, in blocks of `BLOCK` samples: the position to which the piston returns with the
     supply closed, its noise, and the reach from there. A hold longer than `LONGEST_HOLD` s is a section of its own, and
-    sections longer than `LONGEST_SECTION` samples are divided, so memory is bounded by a few such lengths; `Section.divided`
-    says where a stroke is.
+    sections longer than `LONGEST_SECTION` samples are divided, so memory is bounded by a few such lengths;
+    `Section.divided` says where a stroke is.
 
     Parameters
     ----------

@@ -333,7 +333,8 @@ def _contradicted(columns: Sequence[Heading], forms: Sequence[CellForm], units: 
         if column.name is None:  # not read by itself
             continue
         below = unit_spelled(unit)
-        if cells.kind == "number" and {below, column.unit} <= UNITS.keys() and UNITS[column.unit] != UNITS[below]:
+        named, rowed = UNITS.get(column.unit or ""), UNITS.get(below or "")
+        if cells.kind == "number" and named and rowed and named != rowed:
             yield (
                 f"column '{column.text}' has the unit {column.unit} in its name and {below} in the row of units; leave "
                 "the one that holds."
