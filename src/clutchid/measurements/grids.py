@@ -35,8 +35,8 @@ def with_own_grids(source: Source) -> Source:
         return source
     (raster,) = source.rasters
     owned = columns_of_times(raster.headings)
-    shown = next(source.tables(0, list(owned), _SHOWN), None)
-    if not owned or shown is None or not increase(shown, list(owned)):
+    shown = next(source.tables(0, list(owned), _SHOWN), None) if owned else None
+    if shown is None or not increase(shown, list(owned)):
         return source
     texts, warnings = dict(raster.others), source.warnings
     by_index = {heading.index: heading for heading in raster.headings}
