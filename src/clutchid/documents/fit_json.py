@@ -13,6 +13,7 @@ from clutchid.estimation.assess.comparison import Comparison, comparison
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
 from clutchid.estimation.assess.evidence import evidence
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
+from clutchid.estimation.result import InputFault
 from clutchid.inference.uncertainty.calibration import Origin
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ def fit_json(result: Fit) -> dict[str, Any]:
         "warnings": list(result.warnings),
         "method": result.method,
         "starts": [asdict(start) for start in result.starts],
+        "causes": [cause_json(cause) for cause in result.causes],
+        "alternatives": {name: _reading_json(fit) for name, fit in result.alternatives.items()},
         "notes": notes_of(result),
         "changes": [change_json(change) for change in result.changes],
         "load_per_supply": result.load_per_supply,
@@ -122,6 +125,11 @@ def change_json(change: Change) -> dict[str, Any]:
     return {
         name: getattr(change, name) for name in ("recording", "name", "before", "after", "std", "unit", "probability")
     }
+
+
+def cause_json(cause: InputFault) -> dict[str, Any]:
+    """A fault of the inputs that was compared, as a JSON object."""
+    return {name: getattr(cause, name) for name in ("name", "sentence", "size", "innovations", "log_likelihood")}
 
 
 def errors_json(errors: Errors) -> dict[str, float | None]:

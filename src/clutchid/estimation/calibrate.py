@@ -34,6 +34,7 @@ from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.progress import Progress, report_stage
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
+from clutchid.strokes.travel import merged_travels, travel_of
 from clutchid.strokes.vented_pressure import vented_pressure
 from clutchid.strokes.vented_rest import merged_levels, vented_rest
 
@@ -248,6 +249,7 @@ def calibration_of(result: Fit, actuator: Actuator) -> Calibration:
         converged=result.converged,
         rest=merged_levels([vented_rest(recording.measured) for recording in result.recordings.values()]),
         vented=any(vented_pressure(recording.measured) for recording in result.recordings.values()),
+        travel=merged_travels(travel_of(recording.measured) for recording in result.recordings.values()),
     )
 
 

@@ -11,6 +11,7 @@ from typing import Literal
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.causes import with_causes
 from clutchid.estimation.method import Method
 from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
@@ -43,11 +44,14 @@ def fit_request(
     verify: Sequence[Log] = (),
     progress: Progress | None = None,
     methods: Mapping[str, Method] = FIT_METHODS,
+    *,
+    seek_causes: bool = True,
 ) -> Fit:
     """Fit `request` to recordings by one of `methods`, and simulate the recordings `verify` with the result.
 
     Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
-    meant for one state of wear. Status "failed" if the start values cannot be simulated.
+    meant for one state of wear. With `seek_causes`, faults of the inputs are compared where a reading is not explained
+    by its calibration. Status "failed" if the start values cannot be simulated.
 
     Raises
     ------
@@ -70,6 +74,14 @@ def fit_request(
     result = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
     if result.status == "failed":
         return result
+    if seek_causes and len(recordings) == 1 and result.departure is not None and request.calibration is not None:
+
+        def read(log: Log) -> Fit:
+            within = within_stage(progress, "causes")
+            return fit_request([log], start, request, (), within, methods, seek_causes=False)
+
+        report_stage(progress, "causes")
+        result = with_causes(result, recordings[0], start, request.calibration, read)
     calibrated = result.baseline is not None and len(result.baseline.theta) > 0 and result.load_is_fitted
     readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and calibrated else {}
     report_stage(progress, "verification")

@@ -51,12 +51,12 @@ _FORMAT = 1
 #: Fields of a calibration in its section, in this order.
 _CALIBRATED = (
     "names", "covariance", "converged", "theta", "theta_covariance", "origin", "conditions", "nis", "rest",
-    "vented", "position_only",
+    "vented", "travel", "position_only",
 )  # fmt: skip
 
 #: Values of missing entries of a section, beside the defaults of its record: there may be no level, and a
 #: dispersion that is missing is refused.
-_LACKING = {"rest": {"returned": math.nan}, "position_only": {"dispersion": math.nan}}
+_LACKING = {"rest": {"returned": math.nan}, "travel": {"stop": math.nan}, "position_only": {"dispersion": math.nan}}
 
 
 def _possible(errors: PositionOnlyErrors) -> bool:
@@ -86,6 +86,10 @@ _RULES = {
     "rest": Rule(
         f"finite levels lowest and returned, and quantum, in m, are needed{_AGAIN}",
         lambda rest: math.isfinite(rest.lowest) and math.isfinite(rest.quantum) and not math.isinf(rest.returned),
+    ),
+    "travel": Rule(
+        f"a finite reach, and the far stop where it was reached, in m, are needed{_AGAIN}",
+        lambda travel: math.isfinite(travel.reach) and not math.isinf(travel.stop),
     ),
     "position_only": Rule(
         "hypotheses (the first empty), names, finite shifts of each name and log_evidence of each hypothesis, a "

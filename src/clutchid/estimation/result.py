@@ -95,6 +95,31 @@ class Departure(NamedTuple):
     moved: tuple[Moved, ...] = ()
 
 
+class InputFault(NamedTuple):
+    """A fault of the inputs that was compared with a recording as it is, see `clutchid.estimation.causes`.
+
+    Attributes
+    ----------
+    name
+        Of the fault; "as recorded" without one.
+    sentence, remedy
+        Clauses: the fault with its size, and what to do about it.
+    size : SI
+        Of the fault.
+    innovations : 1
+        Mean NIS in motion with the fault undone, over that of the calibration recordings.
+    log_likelihood : 1
+        Of an innovation, with the fault undone.
+    """
+
+    name: str
+    sentence: str
+    remedy: str
+    size: float
+    innovations: float
+    log_likelihood: float
+
+
 _Status = Literal["ok", "warning", "failed"]
 
 #: Recordings and parameters that the text of a fit names; there may be hundreds.
@@ -207,6 +232,11 @@ class Fit:
         Several recordings read one by one from the calibration, by name; else empty.
     starts
         All starts of the search, each with its final cost; `actuator` is the end of the one that costs least.
+    causes
+        Faults of the inputs that were compared because the calibration does not explain the recording, the most likely
+        first.
+    alternatives
+        Readings without a suspected fault of the inputs, by its name.
 
     Examples
     --------
@@ -249,6 +279,8 @@ class Fit:
     load_per_supply: float | None = None
     readings: Mapping[str, Fit] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
+    causes: tuple[InputFault, ...] = ()
+    alternatives: Mapping[str, Fit] = field(default_factory=dict)
 
     __reduce__ = made_anew
 

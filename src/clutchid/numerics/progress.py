@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 #: Stages of a fit in their order. "position alone" are the searches by which a calibration learns how a load from
-#: position alone errs, "alone" the fits of single recordings behind that of all.
+#: position alone errs, "alone" the fits of single recordings behind that of all,
+#: "causes" what may be wrong with the inputs of a reading that its calibration does not explain.
 Stage = Literal[
     "reading",
     "checks",
@@ -19,6 +20,7 @@ Stage = Literal[
     "evidence",
     "position alone",
     "innovations",
+    "causes",
     "alone",
     "verification",
     "writing",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +18,12 @@ from clutchid.parameters import known_ambient
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.inference.uncertainty.calibration import Calibration
     from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.measurements.overview import FileOverview
+    from clutchid.model.actuator import Actuator
+    from clutchid.preparation.inspection import Check, Grade
+    from clutchid.strokes.vented_rest import ZeroedLog
 
 __all__ = ["NEEDED", "QUANTITIES", "Looked", "checked_recording", "is_map", "looked", "read_map", "save_proposed"]
 
@@ -49,6 +53,36 @@ def looked(
         return next(read_pieces(file, ambient=ambient, added=added, channels=channels, dbc=dbc, required=NEEDED))
 
     return checked_recording(contents, channel_map, content, read)
+
+
+def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibration) -> Iterator[Check]:
+    """Checks of a recording against its calibration: travel, supply, and faults of its inputs."""
+    from clutchid.estimation.causes import SUSPICIOUS, compared_causes, innovations_ratio, is_cause
+    from clutchid.inference.uncertainty.conditions import gauge_sentence, supply_difference
+    from clutchid.preparation.inspection import Check
+    from clutchid.strokes.travel import travel_change, travel_of
+
+    log, travel = rested.log, calibration.travel
+    if travel is not None and "position" in log:
+        change = travel_change(travel, travel_of(log), rested.subtracted)
+        grade: Grade = "suspect" if change.suspect else "good" if change.checked else "undetermined"
+        yield Check("travel of position", f"{change.ratio:.3f} of the calibrated", grade, change.sentence)
+    difference = supply_difference(log, actuator, calibration.conditions)
+    if difference is not None:
+        value = f"{difference * 1e-5:+.2f} bar"
+        yield Check("supply against calibration", value, "suspect", f"{gauge_sentence(difference)}.")
+    ratio = innovations_ratio(log, actuator, calibration)
+    if ratio is None:
+        return
+    value = f"innovations {ratio:.1f} times those of the calibration"
+    causes = compared_causes(log, actuator, calibration) if ratio > SUSPICIOUS else ()
+    if causes and is_cause(causes):
+        yield Check("inputs", value, "suspect", f"{causes[0].sentence}; {causes[0].remedy}.")
+    elif ratio > SUSPICIOUS:
+        sentence = "no fault of the inputs explains it; clutchid estimate says what has changed, or that the truck has."
+        yield Check("inputs", value, "undetermined", sentence)
+    else:
+        yield Check("inputs", value, "good", "the recording agrees with its calibration.")
 
 
 def is_map(path: Path) -> bool:
@@ -108,4 +142,7 @@ def checked_recording(
         return Looked(contents, unchecked=f"Not checked, because the proposed channel map does not fit:\n{error}")
     how = "" if contents.proposal.complete or channels is not proposed else " with the proposed channel map"
     inspection = inspect(log, content.actuator, content.rest) if content else inspect(log)
+    if content and content.calibration:
+        against = checks_against(content.from_rest(log), content.actuator, content.calibration)
+        inspection = replace(inspection, checks=(*inspection.checks, *against))
     return Looked(contents, inspection, how=how, log=log)

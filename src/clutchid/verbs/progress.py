@@ -44,6 +44,7 @@ ESTIMATE: Mapping[Stage, Usual] = MappingProxyType({
     "fine search": Usual(0.14, 10.0),
     "changes": Usual(0.30),
     "evidence": Usual(0.04),
+    "causes": Usual(0.0, 60.0),
     "alone": Usual(0.0, 60.0),
     "verification": Usual(0.0),
     "writing": Usual(0.05),
@@ -54,6 +55,7 @@ _WORDS: Mapping[Stage, str] = MappingProxyType({
     "evidence": "intervals and evidence",
     "position alone": "errors of a load from position alone",
     "innovations": "innovations of the observer",
+    "causes": "faults of the inputs",
     "alone": "recordings one by one",
 })  # fmt: skip
 

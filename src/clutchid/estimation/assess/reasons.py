@@ -5,7 +5,7 @@ The thresholds are those of the table in docs/derivations.md, chosen on both fam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,9 +22,12 @@ from clutchid.estimation.assess.evidence import (
     reach,
     shared_information,
 )
+from clutchid.estimation.assess.pressure import pressure_reasons
 from clutchid.estimation.assess.rest import rest_reasons
-from clutchid.estimation.result import Departure, Fit, physical_limits
+from clutchid.estimation.assess.travel import travel_reasons
+from clutchid.estimation.result import Departure, Fit, InputFault, physical_limits
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import GAUGE, gauge_sentence, supply_difference
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, in_words
 from clutchid.log import sample_interval
@@ -119,38 +122,92 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
     departure = fit.departure
     if departure is None or fit.baseline is None:
         return
-    nearer, name, error = _nearer(departure), _name_of(fit.baseline), expected_error(fit)
-    if nearer > _FAR:
-        moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
-        measure = f"(squared distance {departure.distance:.0f}, that of a change is {departure.expected:.0f})"
-        text = (
-            f"what may change is far from the calibration {name}: {in_words(moved)} {measure}; inputs that are late or "
-        )
-        text += "a sensor that is off do that, check them."
-        if nearer > ANOTHER:
-            text = (
-                f"the calibration {name} seems to be of another truck: no change explains {in_words(moved)} {measure}; "
-            )
-            text += "take the calibration of this truck, or make one."
-        yield Reason(text, nearer > ANOTHER)
+    error = expected_error(fit)
+    yield from _departure_reasons(fit, departure, _name_of(fit.baseline))
     for change in fit.changes:
         if change.name == "C_A0" and change.after > _LEAKS:
             too_much = change.after > _LEAKS_TOO_MUCH
             what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
             text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
             yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): mend the leak, then record again.", too_much)
-    if departure.misfit > _MISFIT:
-        text = (
-            f"the recording costs {departure.misfit:.1f} times "
-            "as much for each second in motion as those of the calibration: the model misses something that has "
-            "changed, and the load may have errors that its interval does not include."
-        )
-        yield Reason(text, departure.misfit > _POOR_MISFIT)
     if not error <= GOOD_ERROR:
         text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has "
         text += "changed is not certain enough. Record the supply pressure, record longer, or give what is known with "
         text += "--prior."
         yield Reason(text, error > POOR_ERROR, banded=True)
+
+
+def _departure_reasons(fit: Fit, departure: Departure, name: str) -> Iterator[Reason]:
+    """A recording that no change explains: the fault of its inputs that does, or the calibration of another truck."""
+    if is_explained(fit):
+        return
+    cause = named_cause(fit)
+    if cause is not None:
+        as_recorded = next(other for other in fit.causes if not other.sentence)
+        yield Reason(
+            f"{cause.sentence}: without that the innovations are {cause.innovations:.1f} times those of the "
+            f"calibration, as recorded {as_recorded.innovations:.1f} times, and "
+            f"{loads_in_words(fit.alternatives[cause.name])}; {cause.remedy}.",
+            True,
+        )
+        return
+    nearer, facts = _nearer(departure), []
+    if nearer > _FAR:
+        moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
+        facts.append(
+            f"{in_words(moved)} (squared distance {departure.distance:.0f}, that of a change is "
+            f"{departure.expected:.0f})"
+        )
+    if departure.misfit > _MISFIT:
+        facts.append(f"a second in motion costs {departure.misfit:.1f} times as much as in the calibration")
+    compared = _compared(fit.causes)
+    if departs(fit):
+        yield Reason(
+            f"the calibration {name} seems to be of another truck: no change explains {' and '.join(facts)}{compared}; "
+            "take the calibration of this truck, or make one.",
+            True,
+        )
+    else:
+        yield Reason(
+            f"the recording is far from the calibration {name}: {' and '.join(facts)}{compared}; check its channels, "
+            "and that the calibration is of this truck."
+        )
+
+
+def named_cause(fit: Fit) -> InputFault | None:
+    """The fault of the inputs without which a recording is explained by its calibration; None where there is none."""
+    return next((cause for cause in fit.causes if cause.sentence and cause.name in fit.alternatives), None)
+
+
+def _compared(causes: Sequence[InputFault]) -> str:
+    """That no fault of the inputs explains a recording, with the evidence of the best one."""
+    if len(causes) < 2:
+        return ""
+    best = min((cause for cause in causes if cause.sentence), key=lambda cause: cause.innovations)
+    as_recorded = next(cause for cause in causes if not cause.sentence)
+    return (
+        "; of the inputs neither shift, filter, clock, gain nor inversion does (innovations "
+        f"{as_recorded.innovations:.1f} times those of the calibration, without the likeliest fault "
+        f"{best.innovations:.1f} times)"
+    )
+
+
+def loads_in_words(fit: Fit) -> str:
+    """The load where the clutch engages, as a clause."""
+    begin, end = (round(y * 1e3) for y in ENGAGING)
+    at = range(begin, end + 1)
+    loads = [f"{np.interp(mm * 1e-3, fit.load_curve.position, fit.load_curve.force):.0f}" for mm in at]
+    return f"the load at {in_words([*map(str, at)])} mm is {in_words(loads)} N"
+
+
+def supply_reasons(fit: Fit) -> Iterator[Reason]:
+    """A supply pressure that differs from the calibrated one by an atmosphere."""
+    reading = fit.alternatives.get(GAUGE)
+    if reading is None or fit.baseline is None:
+        return
+    ((name, recording),) = fit.recordings.items()
+    difference = supply_difference(recording.measured, fit.actuator, fit.baseline.conditions) or 0.0
+    yield Reason(f"{name}: {gauge_sentence(difference)}. Without it {loads_in_words(reading)}.")
 
 
 def _name_of(calibration: Calibration) -> str:
@@ -173,6 +230,12 @@ def share_off(fit: Fit) -> float:
     if fit.departure is None or not np.isfinite(expected):
         return float("nan")
     return next(share for limit, share in SHARES_OFF if expected <= limit)
+
+
+def is_explained(fit: Fit) -> bool:
+    """Whether changes since the calibration explain the recordings of a reading."""
+    departure = fit.departure
+    return departure is None or not (_nearer(departure) > _FAR or departure.misfit > _MISFIT)
 
 
 def departs(fit: Fit) -> bool:
@@ -284,6 +347,9 @@ def reasons(fit: Fit) -> tuple[Reason, ...]:
 def _reasons(fit: Fit, judged: Evidence) -> Iterator[Reason]:
     yield from slow_reasons(fit)
     yield from reading_reasons(fit)
+    yield from supply_reasons(fit)
+    yield from pressure_reasons(fit)
+    yield from travel_reasons(fit)
     yield from rest_reasons(fit)
     if not fit.converged:
         yield Reason("the search did not converge; continue from its result, or free fewer parameters.")

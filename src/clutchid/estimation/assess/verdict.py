@@ -12,7 +12,9 @@ import numpy as np
 from clutchid.arguments import checked
 from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
+from clutchid.estimation.assess.pressure import pressure_notes
 from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, share_off, valve_notes
+from clutchid.estimation.assess.travel import unchecked_gains
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.identifiability import in_words
 from clutchid.model.actuator import Actuator
@@ -257,8 +259,10 @@ def verdict(fit: Fit) -> Verdict:
     texts = tuple(reason.text for reason in against)
     if fit.status == "failed" or not fit.recordings:
         return Verdict(trust, texts, flawed=flawed)
-    notes = (*bound_notes(fit), *valve_notes(fit, evidence(fit)))
-    return Verdict(trust, texts, _unseen(fit), flawed, notes, _experience(fit, against), noise_only(fit))
+    notes = (*pressure_notes(fit), *bound_notes(fit), *valve_notes(fit, evidence(fit)))
+    return Verdict(
+        trust, texts, (*unchecked_gains(fit), *_unseen(fit)), flawed, notes, _experience(fit, against), noise_only(fit)
+    )
 
 
 def noise_only(fit: Fit) -> bool:

@@ -15,6 +15,7 @@ from clutchid.inference.uncertainty.gaussian import square_root
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.parameters import in_order
+from clutchid.strokes.travel import Travel
 from clutchid.strokes.vented_rest import VentedRest
 
 
@@ -113,6 +114,8 @@ class Calibration:
         the ambient pressure, and with it the load, is known by its prior only.
     rest : VentedRest, optional
         Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.
+    travel : Travel, optional
+        Of the piston in the calibration recordings; None in an older file.
 
     Examples
     --------
@@ -139,6 +142,7 @@ class Calibration:
     nis: float = float("nan")
     rest: VentedRest | None = None
     vented: bool = True
+    travel: Travel | None = None
 
     def covariance_of(self, names: tuple[str, ...]) -> FloatArray:
         """Covariance of `names`; 0 for those that were not calibrated."""

@@ -178,6 +178,28 @@ def known_conditions(
     return measured
 
 
+#: Name of the fault of a supply pressure that is gauge in one recording and absolute in another; by how much in Pa
+#: they differ then: ambient from 2500 m to sea level, and what governors leave.
+GAUGE, _ONE_ATMOSPHERE = "gauge for absolute", (0.75e5, 1.3e5)
+
+
+def supply_difference(log: Log, actuator: Actuator, calibrated: RecordedConditions) -> float | None:
+    """Mean supply pressure of a recording less the calibrated one in Pa, where that is nearly one atmosphere."""
+    now = conditions_of([log], actuator).supply
+    if now is None or calibrated.supply is None:
+        return None
+    difference = now - calibrated.supply
+    return difference if _ONE_ATMOSPHERE[0] <= abs(difference) <= _ONE_ATMOSPHERE[1] else None
+
+
+def gauge_sentence(difference: float) -> str:
+    """Clause about a supply pressure that differs from the calibrated one by an atmosphere."""
+    return (
+        f"pressure_supply is {abs(difference) * 1e-5:.1f} bar {'below' if difference < 0.0 else 'above'} that of the "
+        "calibration: gauge taken for absolute in one of them? Correct its unit (bar(g) is gauge)"
+    )
+
+
 def condition_warnings(logs: Sequence[Log], calibrated: RecordedConditions, priors: Mapping[str, Prior]) -> list[str]:
     """A sentence for each condition that a recording has and its calibration lacks."""
     return [

@@ -128,6 +128,15 @@ def time_shift(reading: InspectedRecording) -> Check:
         )
         return Check(_TIME_SHIFT, "-", "undetermined", sentence)
     late = moves.measured[moved] - moves.simulated[moved] - reading.actuator.parameters.tau_y
+    drift = _drift(moves.command[moved], late)
+    if abs(drift) > _DRIFT:
+        sentence = (
+            f"the piston moves {late[0] * 1e3:+.1f} ms later than in the model after the first command and "
+            f"{late[-1] * 1e3:+.1f} ms after the last, {drift * 1e3:+.2g} ms more a second: the clocks of the channels "
+            f"differ by {100 * abs(drift):.2g} %, so a fit attributes the shift to friction and load; record all "
+            "channels on one clock."
+        )
+        return Check(_TIME_SHIFT, f"{drift * 1e3:+.2g} ms a second over {count} strokes", "bad", sentence)
     usual = float(np.median(moves.simulated[moved]))
     if reading.update_interval > _LONGEST_INTERVAL:
         sentence = (
@@ -136,6 +145,20 @@ def time_shift(reading: InspectedRecording) -> Check:
         )
         return Check(_TIME_SHIFT, "-", "undetermined", sentence)
     return _compared(reading, late, _allowed(reading, float(np.std(late, ddof=1)), usual))
+
+
+#: Drift of a shift in s a second from which two clocks differ: 0.1 % is 3 ms in half a minute, and cheap crystals keep
+#: 0.01 %; a line explains the shifts if it leaves at most this share of their scatter, and at least four of them.
+_DRIFT, _OF_A_LINE, _FEWEST_FOR_A_LINE = 5e-4, 0.25, 4
+
+
+def _drift(command: FloatArray, late: FloatArray) -> float:
+    """Growth of the shift of the strokes in s a second, where a straight line explains it; else 0."""
+    if late.size < _FEWEST_FOR_A_LINE:
+        return 0.0
+    line = np.polyfit(command, late, 1)
+    left = float(np.std(late - np.polyval(line, command)))
+    return float(line[0]) if left <= _OF_A_LINE * float(np.std(late)) else 0.0
 
 
 def _compared(reading: InspectedRecording, late: FloatArray, allowed: Allowed) -> Check:
@@ -194,8 +217,9 @@ _WIDE = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartTimes:
-    """Time in s from the command to the first motion in each stroke: measured (NaN: none) and simulated."""
+    """Time in s of the command, and from it to the first motion in each stroke: measured (NaN: none) and simulated."""
 
+    command: FloatArray
     measured: FloatArray
     simulated: FloatArray
 
@@ -223,8 +247,8 @@ def starts(reading: InspectedRecording) -> StartTimes:
         until = begin + int(np.searchsorted(time, np.nan_to_num(motion), side="right"))
         if not motion > 0 or reading.supply[k:until].mean() < _WIDE or reading.exhaust[k:until].any():
             continue
-        rows.append((_crossing(time, window["position"] - np.median(rest), least), motion))
-    return StartTimes(*np.array(rows, dtype=np.float64).reshape(-1, 2).T)
+        rows.append((now, _crossing(time, window["position"] - np.median(rest), least), motion))
+    return StartTimes(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
 
 
 def least_travel(reading: InspectedRecording) -> float:

@@ -1,0 +1,213 @@
+"""Faults of the inputs of a recording that its calibration does not explain, compared by an observer.
+
+A position that is late or filtered, weaker duty cycles, a clock that drifts, an inverted valve: each is undone, and the
+innovations of the observer say how well the recording then agrees with the calibration. The fault that does best is
+the cause if a reading of the recording without it is explained.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from clutchid.estimation.assess.reasons import is_explained
+from clutchid.estimation.result import Fit, InputFault
+from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.conditions import GAUGE, supply_difference
+from clutchid.log import INPUTS, Log
+from clutchid.model.actuator import Actuator
+
+#: Longest part of a recording in s that is compared.
+_COMPARED = 30.0
+
+#: Halvings of the distance to the neighbouring sizes by which the size of a fault is found.
+_HALVINGS = 4
+
+#: A fault is the cause if its innovations are at most as many times those of the calibration, and those of the
+#: recording as it is at least as many times these. Provenance: `benchmarks/causes.py`, benchmarks/results/causes.md.
+_EXPLAINED, _BETTER = 1.6, 1.5
+
+#: Ratio of the innovations beyond which `look` compares faults. Provenance: as before.
+SUSPICIOUS = 2.0
+
+
+class _Fault(NamedTuple):
+    """A fault with the sizes that are tried, how one is undone, and its words with a size in their unit.
+
+    A fault of a size below 0 has the second words.
+    """
+
+    name: str
+    sizes: tuple[float, ...]
+    undone: Callable[[Log, float], Log]
+    words: tuple[str, ...]
+    unit: float
+    remedy: str
+
+
+def _moved(log: Log, late: float) -> Log:
+    return log.with_columns(position=np.interp(log.time + late, log.time, log["position"]))
+
+
+def _unfiltered(log: Log, lag: float) -> Log:
+    """The recording before a first-order filter of its position."""
+    decay, y = np.exp(-np.diff(log.time) / lag), log["position"]
+    return log.with_columns(position=np.append(y[:1], (y[1:] - decay * y[:-1]) / (1.0 - decay)))
+
+
+def _divided(log: Log, gain: float) -> Log:
+    return log.with_columns(**{name: np.clip(log[name] / gain, 0.0, 1.0) for name in INPUTS})
+
+
+def _on_clock(log: Log, fast: float) -> Log:
+    sent = log.time[0] + (log.time - log.time[0]) * (1.0 - fast)
+    at = np.clip(np.searchsorted(log.time, sent, side="right") - 1, 0, len(log) - 1)
+    return log.with_columns(**{name: log[name][at] for name in INPUTS})
+
+
+def _inverted(*names: str) -> Callable[[Log, float], Log]:
+    return lambda log, _: log.with_columns(**{name: 1.0 - log[name] for name in names})
+
+
+def _swapped(log: Log, _: float) -> Log:
+    return log.with_columns(**{name: log[other] for name, other in zip(INPUTS, INPUTS[::-1], strict=True)})
+
+
+def _signed(*sizes: float) -> tuple[float, ...]:
+    return (*(-size for size in reversed(sizes)), *sizes)
+
+
+_BY_MAP = "correct it in the channel map"
+
+_FAULTS = (
+    _Fault(
+        "shift", _signed(0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1), _moved,
+        ("the position is {:.0f} ms late against the duty cycles", "the duty cycles are {:.0f} ms late"), 1e-3,
+        "give the channel that delay in the channel map",
+    ),
+    _Fault(
+        "filter", (0.004, 0.008, 0.016, 0.032), _unfiltered,
+        ("the position is filtered with a time constant of {:.0f} ms",), 1e-3, "record it before the filter",
+    ),
+    _Fault(
+        "gain of the duty cycles", (0.5, 0.6, 0.7, 0.8, 1.25, 1.6), _divided,
+        ("the recorded duty cycles are {:.2f} times those of the valves, or the valves pass less or more by as much",),
+        1.0, f"check the drivers of the valves, or {_BY_MAP}",
+    ),
+    _Fault(
+        "clock", _signed(0.0005, 0.001, 0.002, 0.004, 0.008), _on_clock,
+        ("the clock of the duty cycles is {:.2f} % fast", "the clock of the duty cycles is {:.2f} % slow"), 1e-2,
+        "record all channels on one clock",
+    ),
+    _Fault("duty_supply inverted", (0.0,), _inverted(INPUTS[0]), ("duty_supply is inverted",), 1.0, _BY_MAP),
+    _Fault("duty_exhaust inverted", (0.0,), _inverted(INPUTS[1]), ("duty_exhaust is inverted",), 1.0, _BY_MAP),
+    _Fault("both inverted", (0.0,), _inverted(*INPUTS), ("both duty cycles are inverted",), 1.0, _BY_MAP),
+    _Fault("swapped", (0.0,), _swapped, ("duty_supply and duty_exhaust are swapped",), 1.0, _BY_MAP),
+)  # fmt: skip
+
+
+def with_causes(fit: Fit, log: Log, start: Actuator, calibration: Calibration, read: Callable[[Log], Fit]) -> Fit:
+    """A reading with what may be wrong with its inputs: faults that were compared, and readings without them.
+
+    Parameters
+    ----------
+    fit : Fit
+        Reading of `log`.
+    start : Actuator
+        As calibrated.
+    read
+        Reads another recording from the same calibration.
+    """
+    alternatives: dict[str, Fit] = {}
+    if supply_difference(log, start, calibration.conditions) is not None:
+        alternatives[GAUGE] = read(log.without("pressure_supply"))
+    if is_explained(fit):
+        return replace(fit, alternatives=alternatives)
+    causes = compared_causes(log, start, calibration)
+    if causes and (fault := _fault(causes[0].name)) is not None and is_cause(causes):
+        reading = read(fault.undone(log, causes[0].size))
+        alternatives |= {fault.name: reading} if is_explained(reading) else {}
+    return replace(fit, causes=causes, alternatives=alternatives)
+
+
+def compared_causes(log: Log, actuator: Actuator, calibration: Calibration) -> tuple[InputFault, ...]:
+    """Faults of the inputs, and none, by the likelihood of the innovations without them, the best first.
+
+    Empty for a recording that an observer cannot follow.
+    """
+    part = _part(log)
+    as_recorded = _cause(part, actuator, calibration, None, 0.0)
+    if as_recorded is None:
+        return ()
+    faults = [_best(part, actuator, calibration, fault) for fault in _FAULTS]
+    return tuple(sorted([as_recorded, *filter(None, faults)], key=lambda cause: -cause.log_likelihood))
+
+
+def innovations_ratio(log: Log, actuator: Actuator, calibration: Calibration) -> float | None:
+    """Mean NIS in motion of a recording over that of the calibration; None where an observer cannot follow it."""
+    as_recorded = _cause(_part(log), actuator, calibration, None, 0.0)
+    return None if as_recorded is None else as_recorded.innovations
+
+
+def _part(log: Log) -> Log:
+    return log.slice(0, int(np.searchsorted(log.time, log.time[0] + _COMPARED)))
+
+
+def is_cause(causes: tuple[InputFault, ...]) -> bool:
+    """Whether the first of the compared causes explains the recording, and the recording as it is has none."""
+    (best, *_), as_recorded = causes, next(cause for cause in causes if not cause.sentence)
+    return best.innovations <= _EXPLAINED and as_recorded.innovations >= _BETTER * best.innovations
+
+
+def _fault(name: str) -> _Fault | None:
+    return next((fault for fault in _FAULTS if fault.name == name), None)
+
+
+def _best(log: Log, actuator: Actuator, calibration: Calibration, fault: _Fault) -> InputFault | None:
+    """A fault with the size that does best; None where no size can be followed."""
+    tried: dict[float, InputFault] = {}
+
+    def try_sizes(*sizes: float) -> None:
+        for size in sizes:
+            cause = _cause(log, actuator, calibration, fault, size) if size not in tried else None
+            tried.update({size: cause} if cause else {})
+
+    try_sizes(*fault.sizes)
+    for _ in range(_HALVINGS if len(fault.sizes) > 1 and tried else 0):
+        ordered = sorted(tried)
+        at = ordered.index(max(tried, key=lambda size: tried[size].log_likelihood))
+        around = ordered[max(0, at - 1) : at + 2]
+        try_sizes(*((a + b) / 2.0 for a, b in pairwise(around)))
+    return max(tried.values(), key=lambda cause: cause.log_likelihood, default=None)
+
+
+def _cause(
+    log: Log, actuator: Actuator, calibration: Calibration, fault: _Fault | None, size: float
+) -> InputFault | None:
+    """The innovations without a fault of this size; None for a recording that an observer cannot follow."""
+    from clutchid.observer import observer  # on use: most readings do without an observer
+    from clutchid.observer.following import observe
+    from clutchid.observer.mismatch import normalised
+    from clutchid.observer.observer import start
+    from clutchid.observer.recording import spacing, too_slow, usable
+
+    corrected = fault.undone(log, size) if fault else log
+    if not usable(corrected) or too_slow(corrected, actuator) or not calibration.nis > 0.0:
+        return None
+    follower = observer(actuator, spacing=spacing(corrected), calibration=calibration)
+    _, samples = observe(follower, start(follower), corrected)
+    nis = normalised(follower, samples.states, samples.innovations)
+    innovation, variance = samples.innovations[np.isfinite(samples.innovations[:, 0])].T
+    if not np.isfinite(nis).any():
+        return None
+    squared = np.minimum(innovation**2 / variance, float(follower.joint.noise.outlier) ** 2)
+    likelihood = -0.5 * float(np.mean(squared + np.log(variance)))
+    ratio = float(np.nanmean(nis)) / calibration.nis
+    if fault is None:
+        return InputFault("as recorded", "", "", 0.0, ratio, likelihood)
+    words = fault.words[-1 if size < 0.0 else 0].format(abs(size) / fault.unit)
+    return InputFault(fault.name, words, fault.remedy, size, ratio, likelihood)
