@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError
+from clutchid.log.numbers import as_numbers
 from clutchid.log.states import STATES
 from clutchid.names import made_anew
 
@@ -59,12 +60,13 @@ Samples = tuple[FloatArray, FloatArray]
 class Log:
     """A recording: time, columns by name, and metadata about its origin.
 
-    Arrays are read-only, so a `Log` can be shared between threads and results.
+    Arrays are read-only, and copies of those that can be written to, so a `Log` can be shared between threads and
+    results. What a mask hides is missing; quantities with units, complex numbers and text are refused.
 
     Parameters
     ----------
     time : s, (n,)
-        Finite and strictly increasing.
+        Finite and strictly increasing; dates count from the first of them, which the metadata has as ``start``.
     columns : SI, (n,) each
         By name, such as position [m], pressure_a [Pa, absolute] and duty_supply [1]; NaN is a missing sample.
     name
@@ -80,8 +82,8 @@ class Log:
     Raises
     ------
     DataError
-        If the columns differ in length, a name is unknown, or time or the stamps of edges are not finite and strictly
-        increasing.
+        If a column holds no real numbers, the columns differ in length, a name is unknown, or time or the stamps of
+        edges are not finite and strictly increasing.
 
     Examples
     --------
@@ -103,17 +105,32 @@ class Log:
     edges: Mapping[str, Samples] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        time = read_only(self.time)
-        edges = {name: (read_only(stamps), read_only(values)) for name, (stamps, values) in self.edges.items()}
-        object.__setattr__(self, "edges", MappingProxyType(edges))
-        columns = {name: read_only(values) for name, values in self.columns.items()}
+        problems: list[str] = []
+        if not isinstance(self.columns, Mapping):
+            kind = type(self.columns).__name__
+            raise DataError(f"{self.name}: columns are a mapping, not a {kind}; see clutchid.Log.from_frame(frame).")
+        time, start = as_numbers(self.time, "time", "s", problems)
+        columns = {}
+        for name, values in self.columns.items():
+            si, place = COLUMNS.get(name, "SI"), f"column '{name}'"
+            columns[name], _ = as_numbers(values, place, si, problems, truth=si in ("1", "SI"))
+        edges = {}
+        for name, (stamps, values) in self.edges.items():
+            at, begin = as_numbers(stamps, f"time of the edges of '{name}'", "s", problems, start)
+            edges[name] = at, as_numbers(values, f"duty cycle of the edges of '{name}'", "1", problems, truth=True)[0]
+            if begin != start:
+                problems.append(f"time of the edges of '{name}' and of the columns: both are dates, or none is.")
+        if problems:
+            raise DataError.of(self.name, problems)
+        metadata = dict(self.metadata) if start is None else {"start": str(start), **self.metadata}
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "columns", MappingProxyType(columns))
-        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
+        object.__setattr__(self, "edges", MappingProxyType(edges))
+        object.__setattr__(self, "metadata", MappingProxyType(metadata))
         unknown = [name for name in columns if name not in COLUMNS and not _WITH_UNIT.fullmatch(name)]
         problems = [f"column '{name}' is not known; known columns are {', '.join(COLUMNS)}." for name in unknown]
         problems += [
-            f"column '{name}' has {values.size} samples, time has {time.size}."
+            f"column '{name}' has {values.size if values.ndim == 1 else values.shape} samples, time has {time.size}."
             for name, values in columns.items()
             if values.shape != time.shape
         ]
@@ -162,6 +179,12 @@ class Log:
     if TYPE_CHECKING:  # attached by `clutchid.verbs.attached`
 
         def plot(self) -> Figure: ...
+
+        @staticmethod
+        def from_frame(
+            frame: object, name: str = "frame", *, ambient: float | None = None, channels: Any = None,
+            required: Sequence[str] = ("time", "position", *INPUTS),
+        ) -> Log: ...  # fmt: skip
 
     def slice(self, start: int, stop: int) -> Log:
         """Samples `start` to `stop` (exclusive), as a view."""
