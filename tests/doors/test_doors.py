@@ -178,3 +178,40 @@ def test_a_log_that_has_been_read_is_checked_as_its_file_is(folder):
     assert "the position has 1 samples in 0 s, less than a stroke, so nothing can be fitted" in short.sentence
     with pytest.raises(clutchid.ParameterError, match=r"ambient = 100000\.0: says how a file is read"):
         clutchid.estimate(log, folder / "cal.toml", ambient=1e5)
+
+
+@pytest.mark.parametrize("columns", [("duty_supply",), ("duty_supply", "duty_exhaust")])
+def test_duty_cycles_in_percent_are_refused_by_every_verb_as_in_a_file(columns, folder, tmp_path):
+    """Not by force either: what opens a valve is unknown."""
+    log, start = clutchid.read(folder / "as recorded.csv"), folder / "cal.toml"
+    wrong = log.with_columns(**{name: 100.0 * log[name] for name in columns})
+    actuator = clutchid.read_parameters(start).actuator
+    verbs = {
+        "fit": lambda: clutchid.fit(wrong, force=True),
+        "calibrate": lambda: clutchid.calibrate(wrong, free="load", measure="position"),
+        "verify": lambda: clutchid.fit(log, verify=wrong),
+        "estimate": lambda: clutchid.estimate(wrong, start),
+        "observe": lambda: clutchid.observe(wrong, start),
+        "simulate": lambda: clutchid.simulate(actuator, wrong, force=True),
+        "simulate_many": lambda: clutchid.simulate_many(actuator, [log, wrong]),
+        "cut": lambda: clutchid.cut(wrong),
+    }
+    clutchid.write(wrong, tmp_path / "wrong.csv")
+    with pytest.raises(clutchid.DataError) as of_file:
+        clutchid.fit(tmp_path / "wrong.csv")
+    advice = "looks like percent: write duty_supply [%]."
+    assert advice in str(of_file.value)
+    for verb, call in verbs.items():
+        with pytest.raises(clutchid.DataError) as caught:
+            call()
+        assert advice in str(caught.value), verb
+        assert str(caught.value).endswith("clutchid.Log.from_frame(frame) converts units in headings."), verb
+
+
+def test_a_position_in_mm_is_refused_by_a_simulation_in_python_unless_by_force(folder):
+    log, actuator = clutchid.read(folder / "with millimetres called metres.csv"), clutchid.Actuator()
+    for simulate in (clutchid.simulate, clutchid.simulate_many):
+        with pytest.raises(clutchid.DataError, match=r"outside the stroke of 0 to 25 mm; .*\n.* force=True"):
+            simulate(actuator, log)
+    assert "outside the stroke" in clutchid.simulate(actuator, log, force=True).warnings[-1]
+    assert "outside the stroke" in clutchid.simulate_many(actuator, [log], force=True)[0].warnings[-1]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clutchid.errors import ParameterError
-from clutchid.log import INPUTS, FloatArray
+from clutchid.errors import DataError, ParameterError
+from clutchid.log import COLUMNS, INPUTS, FloatArray, Log
 from clutchid.log.units import UNITS, to_si
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.source import Places, Rows, Table
@@ -24,7 +24,9 @@ AMBIENT = 1.013e5
 #: `clutchid.strokes.values` leaves out; more are a wrong unit, sign or channel: percent, a gauge pressure.
 _FEW = 0.01
 
-_DUTY_SLACK = 1e-9
+#: A duty cycle may be as far outside 0 to 1: real numbers are rounded, on a bus to 0.01 % and more.
+DUTY_ROUNDING = 1e-3
+
 _ABSOLUTE = ("pressure_a", "pressure_b")
 
 
@@ -73,6 +75,35 @@ def check(table: Table, ambient: float, *, holes_end: bool) -> tuple[dict[str, F
     return {name: column.values for name, column in columns.items()}, problems, warnings
 
 
+def check_duties(log: Log) -> None:
+    """Check the duty cycles of a log, which may have been made in Python, as those of a file.
+
+    Raises
+    ------
+    DataError
+        With the sentences of a file.
+
+    Examples
+    --------
+    >>> try:
+    ...     check_duties(Log([0.0, 0.1], {"duty_supply": [0.0, 100.0]}))
+    ... except DataError as error:
+    ...     print(error)
+    log: column 'duty_supply' is not a duty cycle: sample 1 has 100; looks like percent: write duty_supply [%].
+    The columns of a clutchid.Log are in SI; clutchid.Log.from_frame(frame) converts units in headings.
+    """
+    places, none = Places("sample", 0), np.empty(0, dtype=np.int64)
+    problems = [
+        problem
+        for name in INPUTS
+        if name in log
+        for problem in _duty(_Column(Heading(0, name, name, COLUMNS[name]), log[name], log[name], places, none))
+    ]
+    if problems:
+        way = "The columns of a clutchid.Log are in SI; clutchid.Log.from_frame(frame) converts units in headings."
+        raise DataError(f"{DataError.of(log.name, problems)}\n{way}")
+
+
 def check_ambient(ambient: float | None) -> None:
     """Check that `ambient` in Pa is an absolute pressure, if it is known.
 
@@ -89,7 +120,7 @@ def check_ambient(ambient: float | None) -> None:
 
 def outside_duty(values: FloatArray) -> NDArray[np.bool_]:
     """Whether each value is no duty cycle, as it is outside 0 to 1 by more than rounding."""
-    return (values < -_DUTY_SLACK) | (values > 1 + _DUTY_SLACK)
+    return (values < -DUTY_ROUNDING) | (values > 1 + DUTY_ROUNDING)
 
 
 def in_si(heading: Heading, written: FloatArray, ambient: float) -> FloatArray:

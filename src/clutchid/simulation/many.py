@@ -130,6 +130,7 @@ def simulate_many(
     logs: _Recording | Iterable[_Recording],
     *,
     partition: Partition | None = None,
+    force: bool = False,
     on_failure: Literal["raise", "return"] = "return",
 ) -> Simulations:
     """Simulate many actuators, many recordings, or pairs of both, on as many threads as there are processors.
@@ -142,6 +143,8 @@ def simulate_many(
         One for all actuators, or one for each; as of `clutchid.simulate`.
     partition : Partition, optional
         Re-initialise the position; without it the simulations are ballistic.
+    force : bool
+        As of `clutchid.simulate`.
     on_failure : 'raise' or 'return'
         What to do if a simulation diverges: the status of each says so too.
 
@@ -182,7 +185,7 @@ def simulate_many(
         )
     several = several * count if len(several) == 1 else several
     recordings = recordings * count if len(recordings) == 1 else recordings
-    prepared = _prepared(several, recordings, partition)
+    prepared = _prepared(several, recordings, partition, force)
     groups = _groups(several, prepared)
     samples = sum(len(log.values.log) for group in groups for log in group.prepared)
     side_by_side = vector_lanes() if samples >= _MANY_SAMPLES else 0
@@ -200,7 +203,7 @@ def simulate_many(
 
 
 def _prepared(
-    actuators: Sequence[Actuator], recordings: Sequence[_Recording], partition: Partition | None
+    actuators: Sequence[Actuator], recordings: Sequence[_Recording], partition: Partition | None, force: bool
 ) -> Iterator[PreparedLog]:
     """The recordings, each file read once for each ambient pressure."""
     logs: dict[tuple[str, float | None], Log] = {}
@@ -210,7 +213,7 @@ def _prepared(
         else:
             key = str(recording), known_ambient(actuator.parameters.P_0)
             log = logs[key] = logs[key] if key in logs else read_log(recording, actuator)
-        yield prepared_log(actuator, log, partition)
+        yield prepared_log(actuator, log, partition, force=force)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from clutchid.arguments import checked
-from clutchid.errors import ParameterError, SolveError
+from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import check_names, listed_names, made_anew
@@ -19,7 +19,7 @@ from clutchid.parameters import known_ambient
 from clutchid.simulation.divergence import failure_message
 from clutchid.simulation.inputs import cut_warnings, input_span, with_inputs
 from clutchid.simulation.partition import Partition
-from clutchid.simulation.plan import Plan, Segment, plan
+from clutchid.simulation.plan import Plan, Segment, outside_stroke, plan
 from clutchid.simulation.run import (
     Columns,
     KernelArrays,
@@ -103,6 +103,7 @@ def simulate(
     partition: Partition | None = None,
     sensitivities: str | Sequence[str] = (),
     starts: Sequence[tuple[float, float]] | None = None,
+    force: bool = False,
     on_failure: Literal["raise", "return"] = "raise",
 ) -> Simulation:
     """Simulate `actuator` with the inputs of `log`.
@@ -121,6 +122,8 @@ def simulate(
         load weights.
     starts : (m, Pa) per segment, optional
         Position and pressure in chamber A at the start of each segment, if a fit has estimated them.
+    force : bool
+        Go on although the measured position is none of such a piston, as one in mm.
     on_failure : 'raise' or 'return'
         What to do if the simulation diverges.
 
@@ -132,7 +135,8 @@ def simulate(
     Raises
     ------
     DataError
-        If the recording lacks an input or no sample has both, or a partition is given without a recorded position.
+        If the recording lacks an input or no sample has both, a column has another unit, or a partition is given
+        without a recorded position.
     ParameterError
         For an unknown name in `sensitivities` or a wrong number of `starts`.
     SolveError
@@ -148,7 +152,7 @@ def simulate(
     '0.15 s'
     """
     log = log if isinstance(log, Log) else read_log(log, actuator)
-    prepared = prepared_log(actuator, log, partition)
+    prepared = prepared_log(actuator, log, partition, force=force)
     actuator = prepared.fitted(actuator)
     rate = stiffness_by_slope(actuator, steepest_slope(actuator.load), top_speed(partition))
     segments = prepared.stepped(rate)
@@ -182,8 +186,9 @@ _KEPT, _LONGEST = 64, 200_000
 class PreparedLog:
     """A recording that is ready to be simulated, with one integration step an interval.
 
-    What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, the longest
-    interval between samples in s, and what the plans of recordings that can be simulated side by side have in common.
+    What counts as a value, the span of its inputs, the plan, notes on the ambient pressure, all warnings, why it is
+    refused unless with force, the longest interval between samples in s, and what the plans of recordings that can be
+    simulated side by side have in common.
     """
 
     values: Values
@@ -191,6 +196,7 @@ class PreparedLog:
     plan: Plan
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+    refusal: str
     longest: float
     form: Hashable
 
@@ -212,7 +218,7 @@ class PreparedLog:
         return tuple(replace(segment, substeps=substeps(segment.dt, rate)) for segment in segments)
 
 
-def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> PreparedLog:
+def prepared_log(actuator: Actuator, log: Log, partition: Partition | None, *, force: bool = False) -> PreparedLog:
     """Prepare a recording for an actuator; the recording keeps it for all that are alike in what it depends on.
 
     Raises
@@ -228,6 +234,8 @@ def prepared_log(actuator: Actuator, log: Log, partition: Partition | None) -> P
             log.derived[key] = prepared
         if len(log.derived) > _KEPT:
             log.derived.pop(next(iter(log.derived)), None)
+    if prepared.refusal and not force:
+        raise DataError(prepared.refusal)
     return prepared
 
 
@@ -239,7 +247,9 @@ def _prepared(actuator: Actuator, log: Log, partition: Partition | None) -> Prep
     warnings = (*notes, *values.warnings, *cut_warnings(values.log, span), *planned.warnings)
     longest = max(float(segment.dt.max(initial=0.0)) for segment in planned.segments)
     form = len(values.log), span.start, *((s.start, s.stop, s.jump.tobytes()) for s in planned.segments)
-    return PreparedLog(values, span, planned, notes, warnings, longest, form)
+    sentences, alien = outside_stroke(planned.log, actuator.parameters.y_max)
+    refusal = f"{sentences[0]}\nCorrect the recording, or go on with force=True." if alien else ""
+    return PreparedLog(values, span, planned, notes, warnings, refusal, longest, form)
 
 
 def states_of(
@@ -297,6 +307,6 @@ def read_log(path: str | PathLike[str], actuator: Actuator) -> Log:
 
 def simulated_log(log: Log, states: FloatArray, actuator: Actuator) -> Log:
     """A log of the simulated states of the `actuator` and of the inputs of a recording."""
-    simulated = {row.column: np.ascontiguousarray(states[:, i]) for i, row in enumerate(actuator.state_rows.values())}
+    simulated = {row.column: states[:, i] for i, row in enumerate(actuator.state_rows.values())}
     inputs = {name: log[name] for name in INPUTS}
     return Log(log.time, {"position": simulated.pop("position"), **inputs, **simulated}, log.name, log.metadata)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, all_of, sample_interval
 from clutchid.log.states import SENSORS
+from clutchid.measurements.checks import DUTY_ROUNDING, check_duties
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
@@ -228,6 +229,11 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     actuator : Actuator
         Its stroke, valves, friction and supply say what is possible.
 
+    Raises
+    ------
+    DataError
+        If the duty cycles of the log have another unit, as those of a file would be refused for.
+
     Examples
     --------
     A sensor of 16 bit that has none for 2 ms:
@@ -242,6 +248,8 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     if judged is not None and _within(judged[2], actuator):
         cleaned, *rest = judged
         return Values(log if cleaned is None else cleaned, *rest)
+    if judged is None:
+        check_duties(log)
     missing, faults = dict[str, BoolArray](), list[Fault]()
     for name in (*INPUTS, "pressure_supply"):
         if name in log:
@@ -274,7 +282,14 @@ def _within(bounds: Bounds, actuator: Actuator) -> bool:
 
 
 def with_inputs_in_range(log: Log) -> Log:
-    """A recording with duty cycles outside 0 to 1 missing, unless they are many; else the same object."""
+    """A recording with duty cycles outside 0 to 1 missing, if there are any; else the same object.
+
+    Raises
+    ------
+    DataError
+        If they are many.
+    """
+    check_duties(log)
     missing: dict[str, BoolArray] = {}
     for name in INPUTS:
         if name in log:
@@ -283,11 +298,8 @@ def with_inputs_in_range(log: Log) -> Log:
     return log.with_columns(**columns) if columns else log
 
 
-#: A duty cycle may be as far outside 0 to 1: real numbers are rounded, on a bus to 0.01 % and more.
-DUTY_ROUNDING = 1e-3
-
-#: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit,
-#: and a duty cycle is refused by the observer and the simulation; a supply pressure counts as not recorded.
+#: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit: a
+#: duty cycle is refused, see `check_duties`; a supply pressure counts as not recorded.
 _RANGES = {**dict.fromkeys(INPUTS, (-DUTY_ROUNDING, 1.0 + DUTY_ROUNDING)), "pressure_supply": _SUPPLY}
 
 
@@ -319,7 +331,7 @@ def _out_of_range(log: Log, name: str, missing: dict[str, BoolArray]) -> list[Fa
     if low <= np.fmin.reduce(log[name]) and np.fmax.reduce(log[name]) <= high:
         return []
     wrong = outside(name, log[name])
-    if not wrong.any() or (name in INPUTS and _too_many(log, name, wrong)):
+    if not wrong.any():
         return []
     missing[name] = wrong
     fault = _fault(log, name, "beyond", wrong, _BEYOND[name])

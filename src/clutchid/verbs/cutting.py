@@ -64,8 +64,10 @@ def cut(
     (True, '23 mm')
     """
     from clutchid.measurements import read_pieces
+    from clutchid.measurements.checks import check_duties
 
     if isinstance(recording, Log):
+        check_duties(recording)
         name, pieces = recording.name, iter([recording])
     else:
         name, pieces = str(recording), read_pieces(recording, ambient=ambient, channels=channels, dbc=dbc)

@@ -49,7 +49,7 @@ def simulated(
 
 def _simulation(log: Log, content: ParameterFile, partition: Partition | None) -> Simulation:
     starts = content.starts_for(log) or starts_of(log, with_ambient(content.actuator, [log])[0], partition)
-    return simulate(content.actuator, log, partition=partition, starts=starts)
+    return simulate(content.actuator, log, partition=partition, starts=starts, force=True)  # it has been checked
 
 
 def _moved(rested: ZeroedLog) -> tuple[str, ...]:

@@ -113,7 +113,7 @@ def predicted_fit(fit: Fit, name: str) -> float:
     if not np.isfinite(part["position"]).any():
         return float("nan")
     simulation = simulate(
-        actuator_of(fit, name), part, partition=Partition(every=every, carry="q"), on_failure="return"
+        actuator_of(fit, name), part, partition=Partition(every=every, carry="q"), force=True, on_failure="return"
     )
     return fit_percent(part["position"], as_recorded(fit, name, simulation.log)["position"])
 

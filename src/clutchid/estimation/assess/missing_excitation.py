@@ -268,8 +268,9 @@ def best_manoeuvre(
     gains, failures = [], []
     for manoeuvre in MANOEUVRES:
         log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds, name=manoeuvre).log
+        every = Partition(every=RESET_SAMPLES)
         simulation = simulate(
-            actuator, log, partition=Partition(every=RESET_SAMPLES), sensitivities=tuple(names), on_failure="return"
+            actuator, log, partition=every, sensitivities=tuple(names), force=True, on_failure="return"
         )
         if simulation.status == "failed":
             failures.append(f"'{manoeuvre}' is left out: {simulation.message}")
