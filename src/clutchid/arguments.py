@@ -30,13 +30,18 @@ _SHOWN = 40
 
 def is_number(value: object) -> bool:
     """Whether a value, of a TOML file for example, is a number within the range of a float."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, (int, float, np.floating, np.integer)):
         return False
     try:
         float(value)  # TOML has no largest integer
     except OverflowError:
         return False
     return True
+
+
+def is_frame(value: object) -> bool:
+    """Whether a value is a table of pandas, polars or Arrow, which iterates over its columns."""
+    return hasattr(value, "__arrow_c_stream__") or hasattr(value, "__dataframe__")
 
 
 def checked(function: _Function) -> _Function:
@@ -108,7 +113,9 @@ def _check(name: str, value: object, hint: Any, place: str) -> None:
     recording = {"Log", "PathLike"} <= parts
     needed = "a recording is a clutchid.Log or the path of a file" if recording else f"{_needed(misfit.hint)} is needed"
     error = DataError if recording else ParameterError
-    raise error(f"{where}: {needed}, not {_kind(misfit.value)}; see help(clutchid.{name}).")
+    framed = "Log" in parts and is_frame(misfit.value)
+    way = "clutchid.Log.from_frame(frame) makes one of a data frame" if framed else f"see help(clutchid.{name})"
+    raise error(f"{where}: {needed}, not {_kind(misfit.value)}; {way}.")
 
 
 @lru_cache(maxsize=256)
@@ -192,8 +199,8 @@ def _is_kind(value: object, origin: Any, arguments: tuple[Any, ...]) -> bool:
 _SIMPLE: Mapping[Any, Callable[[object], bool]] = {
     None: lambda value: value is None,
     types.NoneType: lambda value: value is None,
-    float: lambda value: isinstance(value, Real) and not isinstance(value, bool),
-    int: lambda value: isinstance(value, Integral) and not isinstance(value, bool),
+    float: lambda value: isinstance(value, Real) and not isinstance(value, bool | np.timedelta64),
+    int: lambda value: isinstance(value, Integral) and not isinstance(value, bool | np.timedelta64),
     bool: lambda value: isinstance(value, bool | np.bool_),
     abc.Callable: callable,
 }
@@ -205,7 +212,7 @@ def _is_container(value: object, origin: type, arguments: tuple[Any, ...]) -> bo
         return isinstance(value, tuple | list) and (arguments[-1] is Ellipsis or len(value) == len(arguments))
     if issubclass(origin, Mapping) or not issubclass(origin, Iterable):
         return isinstance(value, origin)
-    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
+    return isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping) and not is_frame(value)
 
 
 def _parts(value: Any, origin: Any, arguments: tuple[Any, ...], place: str) -> Iterator[tuple[object, Any, str]]:

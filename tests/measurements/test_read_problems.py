@@ -43,7 +43,7 @@ def test_missing_columns_are_reported_in_one_sentence(save):
     assert problem == (
         "no columns 'position' (write position [m]; is it 'positon [mm]'?), "
         "'duty_supply' (write duty_supply [1]), 'duty_exhaust' (write duty_exhaust [1]); "
-        "the file has 'time [s]', 'positon [mm]', 'gear [1]'."
+        "its columns are 'time [s]', 'positon [mm]', 'gear [1]'."
     )
 
 

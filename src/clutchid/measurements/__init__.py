@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from clutchid.arguments import checked
 from clutchid.errors import DataError, ExportError
@@ -18,6 +18,7 @@ from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.formats.kinds import function_named
 from clutchid.measurements.opening import open_source, with_dbc
 from clutchid.measurements.source import BLOCK, VENTED_KEY, Source, in_contract
+from clutchid.messages import shortened
 from clutchid.names import printable
 
 if TYPE_CHECKING:
@@ -96,6 +97,27 @@ def read(
     if log is None:
         raise DataError(f"{path}: none of its samples can be read, so it is damaged; copy or write it again.")
     return log
+
+
+def read_frame(frame: Any, name: str, ambient: float | None, channels: Any, required: Sequence[str]) -> Log:
+    """A recording from a data frame, see `clutchid.Log.from_frame`."""
+    import polars as pl
+
+    from clutchid.measurements.formats.parquet.file import frame_source
+    from clutchid.measurements.grids import with_own_grids
+
+    check_ambient(ambient)
+    try:
+        indexed = getattr(getattr(frame, "index", None), "name", None) is not None
+        table = pl.DataFrame(frame.reset_index() if indexed else frame)
+    except Exception as error:  # of polars, pandas or PyArrow
+        reason = shortened(str(error), 200)
+        raise DataError(
+            f"{name}: a table of pandas, polars or Arrow is needed, a lazy one collected ({reason})."
+        ) from error
+    source = with_own_grids(frame_source(table, name))
+    (log,) = source_pieces(source, _map(channels), ambient, required, None, checksum=False)
+    return replace(log, name=name)
 
 
 def read_each(items: Iterable[_Item], read_one: Callable[[_Item], Log]) -> list[Log]:
@@ -177,15 +199,20 @@ def source_pieces(
     rows: int | None = BLOCK,
     progress: Callable[[int, int], None] | None = None,
     added: float | None = None,
+    *,
+    checksum: bool = True,
 ) -> Iterator[Log]:
-    """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`."""
+    """Consecutive logs of an opened file, with a channel map or without, see `read_pieces`.
+
+    The metadata of one read as a whole have its `checksum`, unless it is a table in memory.
+    """
     from clutchid.measurements.recording import check_size, pieces
 
     added = next((float(pressure) for pressure in (ambient, added) if pressure is not None), AMBIENT)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}
     if ambient is not None:
         metadata[VENTED_KEY] = repr(added)
-    if rows is None:
+    if rows is None and checksum:
         metadata["sha256"] = digest(source.path)
     if channel_map is None and not in_contract(source):
         from clutchid.measurements.map.proposal import map_for

@@ -237,7 +237,7 @@ def _missing(names: list[str], columns: Sequence[Heading]) -> str:
         hint = f"; is it '{unknown[near[0]]}'?" if near else ""
         parts.append(f"'{name}' (write {name} [{QUANTITIES[name]}]{hint})")
     noun = "column" if len(names) == 1 else "columns"
-    return f"no {noun} {', '.join(parts)}; the file has {_some([column.text for column in columns])}."
+    return f"no {noun} {', '.join(parts)}; its columns are {_some([column.text for column in columns])}."
 
 
 def _some(texts: Sequence[str]) -> str:

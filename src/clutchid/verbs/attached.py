@@ -6,11 +6,12 @@ The classes of lower rooms only declare it. Whoever takes a name from `clutchid`
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from clutchid.arguments import checked
+from clutchid.log import INPUTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.assess.verdict import Verdict
     from clutchid.estimation.result import Fit
     from clutchid.log import Log
+    from clutchid.measurements.map.channel_map import ChannelMap
     from clutchid.simulation.simulation import Simulation
 
 
@@ -57,6 +59,45 @@ def plot(shown: Log | Simulation | Fit) -> Figure:
     figure = notebook_figure(document_of(shown.raised() if hasattr(shown, "raised") else shown))
     assert figure is not None
     return figure
+
+
+@checked
+def from_frame(
+    frame: object, name: str = "frame", *, ambient: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None, required: Sequence[str] = ("time", "position", *INPUTS),
+) -> Log:  # fmt: skip
+    """Make a recording of a data frame, read as a file with the same columns; as ``clutchid.Log.from_frame(frame)``.
+
+    Parameters
+    ----------
+    frame : table of pandas, polars or Arrow, or a mapping
+        Columns by headings as in files, such as ``time [s]``, ``position [mm]``, ``duty_supply [%]``; a time may be a
+        date. An index of pandas is a column where it has a name.
+    name
+        Name of the recording.
+    ambient, channels, required
+        As in `clutchid.read`.
+
+    Returns
+    -------
+    log : Log
+        In SI.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.read`.
+
+    Examples
+    --------
+    >>> import clutchid
+    >>> columns = {"time [ms]": [0, 1], "position [mm]": [0.0, 0.5], "duty_supply [%]": [0, 100]}
+    >>> clutchid.Log.from_frame({**columns, "duty_exhaust [1]": [False, False]})["duty_supply"].tolist()
+    [0.0, 1.0]
+    """
+    from clutchid.measurements import read_frame
+
+    return read_frame(frame, name, ambient, channels, required)
 
 
 @checked
@@ -125,7 +166,7 @@ def _in_notebook(shown: Log | Simulation | Fit) -> str:
 
 #: Module and name of a class, and what is attached to it.
 _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
-    ("clutchid.log", "Log"): {"plot": plot, "_repr_html_": _in_notebook},
+    ("clutchid.log", "Log"): {"plot": plot, "_repr_html_": _in_notebook, "from_frame": staticmethod(from_frame)},
     ("clutchid.simulation.simulation", "Simulation"): {"plot": plot, "_repr_html_": _in_notebook},
     ("clutchid.estimation.result", "Fit"): {
         "plot": plot,

@@ -250,6 +250,15 @@ def open_file(path: Path) -> Source:
         return refused(path, "Parquet", _ENCRYPTED)
 
 
+def frame_source(frame: pl.DataFrame, name: str) -> Source:
+    """A data frame as a file of the same columns."""
+
+    def frames(columns: Sequence[str], rows: int) -> Iterator[pl.DataFrame]:
+        return frame.select(columns).iter_slices(max(rows, 1))
+
+    return _source(Path(name), LibraryReader(frame.schema, frame.height, {}, frames))
+
+
 def _damaged(reason: str) -> str:
     return f"is no complete Parquet file ({reason or 'its pages are damaged'}); copy or write it again."
 
