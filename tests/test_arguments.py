@@ -78,6 +78,8 @@ def test_every_public_function_checks_its_arguments(name):
         (lambda: clutchid.track([LOG], "cal.toml"), r"track: recordings\[0\] = a Log: a path is needed"),
         (lambda: clutchid.fleet("a", "b", "c", place=4), "fleet: place = 4: Workers is needed"),
         (lambda: clutchid.cut(LOG, channels=3), "cut: channels = 3: a ChannelMap, a path or None is needed"),
+        (lambda: Prior(np.timedelta64(9, "s"), 1.0), "Prior: mean = a timedelta64: a number is needed"),
+        (lambda: clutchid.Parameters(P_S=np.timedelta64(9, "s")), "P_S = .*: a number in Pa is needed"),
         (lambda: Prior("9 bar", 1.0), "Prior: mean = '9 bar': a number is needed, not a text"),
         (lambda: Partition(every=2.5), "Partition: every = 2.5: a whole number or None is needed, not a number"),
     ],

@@ -14,7 +14,7 @@ from clutchid.parameters import Parameters
     "knots",
     [
         (0, 1, 2), (0, 2, 2, 3), (0, 3, 2, 4), (3, 2, 1, 0), (0, 1, 2, 3, 4), (0, 1, 2, float("nan")),
-        (0, 1, 2, float("inf")), (float("-inf"), 1, 2, 3),
+        (0, 1, 2, float("inf")), (float("-inf"), 1, 2, 3), (0, 1, 2, 3j),
     ],
 )  # fmt: skip
 def test_knots_must_be_four_and_strictly_increasing(knots):
@@ -23,8 +23,13 @@ def test_knots_must_be_four_and_strictly_increasing(knots):
 
 
 @pytest.mark.parametrize(
-    "theta", [(1.0, 2.0), (1.0, 2.0, float("nan")), (1.0, float("inf"), 0.0), (1.0, 2.0, 3.0, 4.0)]
-)
+    "theta",
+    [
+        (1.0, 2.0), (1.0, 2.0, float("nan")), (1.0, float("inf"), 0.0), (1.0, 2.0, 3.0, 4.0), (1.0, 2.0, 3j),
+        (1.0, 2.0, "3"), (1.0, 2.0, None), np.ma.masked_array([1.0, 2.0, 3.0], mask=[0, 0, 1]), 1j * np.ones(3),
+        np.ones((3, 1)),
+    ],
+)  # fmt: skip
 def test_weights_must_be_three_finite_numbers(theta):
     with pytest.raises(ParameterError, match="three finite weights"):
         Load(theta)

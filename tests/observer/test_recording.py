@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
@@ -236,3 +236,20 @@ def test_a_zero_that_is_kept_is_not_said_to_be_unknown(plant, rested, moved):
     verdict = observed_verdict(indicators(observe_recording(fixed_zero, moved)))
     assert verdict.trust == "none"
     assert any("the vented rest since is not subtracted" in reason for reason in verdict.reasons)
+
+
+def test_positions_of_a_curve_are_real_numbers(joint):
+    state = start(joint)
+    assert curve(joint, state, 6e-3).force == curve(joint, state, [6e-3]).force
+    assert np.isnan(curve(joint, state, np.ma.masked_array([1e-3, 6e-3], mask=[1, 0])).force).tolist() == [True, False]
+    for position in ([6e-3 + 0j], ["6 mm"]):
+        with pytest.raises(ParameterError, match=r"position holds .*: real numbers in m are needed"):
+            curve(joint, state, position)
+
+
+def test_a_block_is_a_log(joint, log):
+    with pytest.raises(ParameterError, match=r"observe: block = .*: a Log is needed, not a tuple"):
+        observe(joint, start(joint), (0.0, 1e-3, 0.0, 0.0))
+    masked = np.ma.masked_array(log["position"][:10], mask=np.arange(10) > 4)
+    _, samples = observe(joint, start(joint), log.slice(0, 10).with_columns(position=masked))
+    assert samples.used.tolist() == [True] * 5 + [False] * 5

@@ -9,6 +9,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, read_only
 from clutchid.model.compiled import compiled_functions
@@ -158,15 +159,16 @@ class Load:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
         count = len(self.functions) or (3 if paper else len(self.knots) + 2)
-        if len(self.theta) != count or not all(math.isfinite(value) for value in self.theta):
+        if len(self.theta) != count or not all(is_number(value) and math.isfinite(value) for value in self.theta):
             number = "three" if paper else str(count)
             problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
-        increasing = all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
+        finite = all(is_number(knot) and math.isfinite(knot) for knot in self.knots)
+        increasing = finite and all(a < b for a, b in zip(self.knots, self.knots[1:], strict=False))
         enough = len(self.knots) == 4 if paper else len(self.knots) >= 2
-        if not enough or not increasing or not all(math.isfinite(knot) for knot in self.knots):
+        if not enough or not increasing:
             problems.append(
                 f"knots = {self.knots} m: {'four' if paper else 'two or more'} strictly increasing positions in m are "
-                f"needed, all of them finite; the paper has {PAPER_KNOTS}.{in_metres(self.knots)}"
+                f"needed, all of them finite; the paper has {PAPER_KNOTS}.{in_metres(self.knots) if finite else ''}"
             )
         if not math.isfinite(self.phi2_slope):
             problems.append(f"phi2_slope = {self.phi2_slope}: 1 (stated conditions) or 0.001 (as published).")

@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.errors import ParameterError
 from clutchid.inference.uncertainty.estimates import Estimate, LoadCurve
 from clutchid.log import FloatArray, Log
+from clutchid.log.numbers import as_numbers
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.air import at_air
 from clutchid.observer.following import Observed, observe_strokes
@@ -52,8 +54,16 @@ def curve(
     *,
     as_calibrated: bool = False,
 ) -> LoadCurve:
-    """The load as it is known in a state, at positions in m; also if the supply pressure is `as_calibrated`."""
-    at = np.asarray(position, dtype=np.float64)
+    """The load as it is known in a state, at positions in m; also if the supply pressure is `as_calibrated`.
+
+    Raises
+    ------
+    ParameterError
+        If the positions are no real numbers.
+    """
+    problems: list[str] = []
+    at = as_numbers(position, "position", "m", problems)[0].ravel()
+    ParameterError.raise_for(problems)
     deviation = observer.load_deviation(state, at, as_calibrated=as_calibrated)
     force, half = observer.load(state).force(at), QUANTILE * deviation
     return LoadCurve(at, force, force - half, force + half)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.arguments import checked
 from clutchid.codegen.kernels import kernels_in
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import (
@@ -121,6 +122,7 @@ class Observed(NamedTuple):
     repeated: BoolArray
 
 
+@checked
 def observe(observer: Observer, state: ObserverState, block: Log) -> tuple[ObserverState, Observed]:
     """Follow the samples of a block, from the state before its first.
 

@@ -264,13 +264,11 @@ def priors(items: Sequence[str]) -> dict[str, Prior]:
         try:
             name, mean, std = match.groups() if match else ("", "x", "x")
             result[name] = Prior(float(mean), float(std))
-        except ValueError:
-            result[name] = Prior(math.nan, math.nan)
-        if not (math.isfinite(result[name].mean) and 0.0 < result[name].std < math.inf):
+        except ValueError:  # of `float` or `Prior`
             raise ParameterError(
                 f"--prior {item}: write NAME=VALUE±STD in SI units, STD a standard deviation above 0, "
                 "for example P_S=8.5e5±5e3."
-            )
+            ) from None
     return result
 
 

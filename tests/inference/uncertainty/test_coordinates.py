@@ -143,3 +143,11 @@ def test_the_stroke_is_that_of_the_drawing_or_as_far_as_a_recording_reaches():
     assert far_stop(Actuator(), short) == Prior(0.025, STOP_STD)
     assert far_stop(Actuator(), far).mean == pytest.approx(0.0262, abs=1e-5)
     assert Log(t, {"position": np.full(t.size, np.nan)}, "log").reach() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mean", "std"), [(8e5, -1.0), (8e5, 0), (8e5, np.nan), (8e5, np.inf), (np.nan, 1.0), (-np.inf, 1.0)]
+)
+def test_a_prior_without_a_finite_mean_and_a_positive_deviation_is_refused(mean, std):
+    with pytest.raises(ParameterError, match=r"Prior\(.*\): a finite mean and a standard deviation above 0 are needed"):
+        Prior(mean, std)

@@ -31,6 +31,11 @@ class Prior:
     std : SI
         Standard deviation, above 0.
 
+    Raises
+    ------
+    ParameterError
+        If one of them is not finite, or the standard deviation not above 0.
+
     Examples
     --------
     A supply regulated to 9 bar, with 0.5 bar of doubt:
@@ -45,6 +50,9 @@ class Prior:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if not (math.isfinite(self.mean) and 0.0 < self.std < math.inf):
+            got = f"Prior({self.mean:g}, {self.std:g})"
+            raise ParameterError(f"{got}: a finite mean and a standard deviation above 0 are needed, in SI.")
 
 
 #: Standard deviation in m of the far stop from its position by the drawing, or by the reach of a recording.
