@@ -138,8 +138,10 @@ def test_every_value_is_that_of_the_parameter_that_it_names(exported: Exported, 
 
 def test_generator_version_and_hash_stand_in_headers_memory_and_file(exported: Exported, tmp_path: Path) -> None:
     number, calibration = version("clutchid"), fingerprint(exported.observer)
-    printed = "release_nvram_t block; (void)release_store(&release_data, &release_observer, &block);"
-    printed += r' printf("%s\n%06x %08x", release_data.epk, (unsigned)block.generator, (unsigned)block.calibration);'
+    printed = "static release_nvram_t block[2]; (void)release_store(&release_data, &release_observer, block);"
+    printed += (
+        r' printf("%s\n%06x %08x", release_data.epk, (unsigned)block[0].generator, (unsigned)block[0].calibration);'
+    )
     start = "(void)release_start(&release_data, &release_observer, NULL, 0u);"
     main = exported.application(f"{start} {printed}", tmp_path)
     others = [f for f in exported.folder.glob("*.c") if f.stem != "release_data"]

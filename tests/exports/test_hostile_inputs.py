@@ -199,17 +199,47 @@ static clutch_nvram_t blocks[2];
 int main(void)
 {
     clutch_band_t band;
-    const int before = clutch_store(&clutch_data, &self, &blocks[0]);
+    const int before = clutch_store(&clutch_data, &self, blocks);
     const int none = clutch_newest(&clutch_data, blocks) == NULL;
     clutch_start(&clutch_data, &self, NULL, 0u);
-    const int first = clutch_store(&clutch_data, &self, &blocks[0]);
+    const int first = clutch_store(&clutch_data, &self, blocks);
     clutch_start(&clutch_data, &self, clutch_newest(&clutch_data, blocks), 0u);
-    const int second = clutch_store(&clutch_data, &self, &blocks[1]);
+    const int second = clutch_store(&clutch_data, &self, blocks);
     const int newest = (int)(clutch_newest(&clutch_data, blocks) - blocks);
     ((unsigned char *)&blocks[1])[40] ^= 1u;
     const int other = (int)(clutch_newest(&clutch_data, blocks) - blocks);
     clutch_load(&clutch_data, &self, 0.05, &band);
     printf("%d %d %d %d %d %d %d\\n", before, none, first, second, newest, other, band.force != band.force);
+    return 0;
+}
+"""
+
+MEANWHILE = """
+#include <stdio.h>
+#include "clutch.h"
+static clutch_t self;
+static clutch_nvram_t blocks[2];
+static int barriers;
+void meanwhile(void)
+{
+    barriers += 1;
+    if (barriers == 2) { /* all but the checksum is written */
+        self.strokes += 1u;
+        self.mismatch = 2.0;
+        self.zero = 1e-4;
+        self.rest.shift = 1e-4;
+        self.sound.theta[0] = 0.25;
+        self.kept += 1u;
+    }
+}
+int main(void)
+{
+    clutch_start(&clutch_data, &self, NULL, 0u);
+    barriers = 0;
+    (void)clutch_store(&clutch_data, &self, blocks);
+    const int sound = clutch_newest(&clutch_data, blocks) == &blocks[0];
+    printf("%d %u ", sound, (unsigned)blocks[0].strokes);
+    printf("%g %g %g\\n", blocks[0].mismatch, blocks[0].rest, blocks[0].theta[0]);
     return 0;
 }
 """
@@ -275,7 +305,7 @@ int main(void)
     (void)fread(&blocks[0], sizeof(blocks[0]), 1u, stdin);
     const int known = clutch_newest(&clutch_data, blocks) != NULL;
     clutch_start(&clutch_data, &self, NULL, 0u);
-    (void)clutch_store(&clutch_data, &self, &blocks[0]);
+    (void)clutch_store(&clutch_data, &self, blocks);
     (void)fwrite(&blocks[0], sizeof(blocks[0]), 1u, stdout);
     (void)fprintf(stderr, "%d", known);
     return 0;
@@ -295,6 +325,15 @@ def words_of(estimator, style, main, folder, *linking):
 @pytest.mark.slow
 def test_a_block_is_not_written_before_the_start_and_the_newer_sound_one_of_two_counts(estimator, tmp_path):
     assert words_of(estimator, DOUBLE, MEMORY, tmp_path) == ["0", "1", "1", "1", "1", "0", "1"]
+
+
+@pytest.mark.slow
+def test_a_block_is_of_one_instant_where_a_stroke_ends_while_it_is_written(estimator, tmp_path):
+    """As the fast task does that interrupts a store: between the barriers of both tasks."""
+    (tmp_path / "meanwhile.h").write_text("void meanwhile(void);\n")
+    options = ("-include", str(tmp_path / "meanwhile.h"), "-DCLUTCH_BARRIER()=meanwhile()")
+    words = words_of(estimator, CStyle(real="double", rates="two"), MEANWHILE, tmp_path, *options)
+    assert words == ["1", "1", "2", "0.0001", "0.25"]
 
 
 @pytest.mark.slow

@@ -62,6 +62,8 @@ def test_every_method_keeps_them(method, tmp_path):
     ("text", "instead", "number"),
     [
         ("self->unknown_us <= 20000u)", "self->unknown_us <= 2000u)", "R3"),
+        ("(newest >= 0) ? (blocks[newest].counter + 1u) : 1u", "1u", "R8"),
+        ("&blocks[(newest == 0) ? 1 : 0]", "&blocks[0]", "R8"),
         ("rule_count_anew(self->watch, 16.0);", "", "R14"),
     ],
 )

@@ -260,7 +260,7 @@ MEMORY = """
 #include <string.h>
 #include "clutch.h"
 static clutch_t self;
-static clutch_nvram_t stored;
+static clutch_nvram_t stored[2];
 static void run(void)
 {
     double sample[6];
@@ -276,11 +276,11 @@ int main(int count, char **words)
     clutch_start(&clutch_data, &self, NULL, 0u);
     run();
     clutch_load(&clutch_data, &self, 6e-3, &band);
-    printf("%.17g %u %zu\\n", band.force, (unsigned)self.strokes, sizeof(stored));
-    clutch_store(&clutch_data, &self, &stored);
-    if (count > 1) { ((unsigned char *)&stored)[atoi(words[1])] ^= 1u; }
+    printf("%.17g %u %zu\\n", band.force, (unsigned)self.strokes, sizeof(stored[0]));
+    clutch_store(&clutch_data, &self, stored);
+    if (count > 1) { ((unsigned char *)stored)[atoi(words[1])] ^= 1u; }
     (void)memset(&self, 7, sizeof(self));
-    clutch_start(&clutch_data, &self, &stored, 0u);
+    clutch_start(&clutch_data, &self, &stored[0], 0u);
     clutch_load(&clutch_data, &self, 6e-3, &band);
     printf("%.17g %u\\n", band.force, (unsigned)self.strokes);
     return 0;

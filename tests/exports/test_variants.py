@@ -22,7 +22,7 @@ PROGRAM = """
 #include "clutch.h"
 extern const clutch_data_t other_data;
 static clutch_t self[2];
-static clutch_nvram_t stored;
+static clutch_nvram_t stored[2];
 static clutch_output_t output;
 static void put(double value) { (void)fwrite(&value, sizeof(value), 1u, stdout); }
 static void put_output(void)
@@ -105,14 +105,14 @@ REFUSED = """
     clutch_data_t foreign = clutch_data;
     foreign.code ^= 1u;
     put((double)clutch_start(&foreign, &self[0], NULL, 0u));
-    put((double)clutch_store(&foreign, &self[0], &stored));
+    put((double)clutch_store(&foreign, &self[0], stored));
     put((double)clutch_start(&clutch_data, &self[0], NULL, 0u));
     put((double)clutch_refresh(&other_data, &self[0]));
-    put((double)clutch_store(&other_data, &self[0], &stored));
+    put((double)clutch_store(&other_data, &self[0], stored));
     clutch_load(&other_data, &self[0], 6e-3, &band);
     put((double)band.force);
-    put((double)clutch_store(&clutch_data, &self[0], &stored));
-    put((double)(clutch_newest(&other_data, (clutch_nvram_t[2]){ stored, stored }) == NULL));
+    put((double)clutch_store(&clutch_data, &self[0], stored));
+    put((double)(clutch_newest(&other_data, stored) == NULL));
     const clutch_t before = self[0];
     (void)take(&other_data, &self[0]);
     put((double)memcmp(&before, &self[0], sizeof(before)));
@@ -138,9 +138,9 @@ CHANGED = """
             const uint32_t strokes = self[0].strokes;
             const char change = getenv("CHANGE")[0];
             CHANGES
-            const int without = clutch_store(&ram, &self[0], &stored);
+            const int without = clutch_store(&ram, &self[0], stored);
             const int known = clutch_refresh(&ram, &self[0]);
-            const int with = clutch_store(&ram, &self[0], &stored);
+            const int with = clutch_store(&ram, &self[0], stored);
             (void)fprintf(stderr, "%u %d %d %d", (unsigned)strokes, without, known, with);
         }
     }

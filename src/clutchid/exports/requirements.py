@@ -25,6 +25,7 @@ def requirement_files(observer: Observer, style: CStyle) -> dict[str, str]:
         **style.values,
         "supply": observer.supply.recorded if observer.supply else 0.0,
         "parameters": len(observer.joint.coordinates),
+        "considered": observer.joint.considered is not None,
         "shapes": [
             name for name in observer.joint.mapped.actuator.parameter_names if name.startswith("B_") and name != "B_0"
         ],
