@@ -29,6 +29,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import compile_ahead, kernels, system
 from clutchid.model.variants import VARIANTS
+from fixtures import programs
 from fixtures.commands import without_workers
 from fixtures.compilers import compilers
 from fixtures.export_c import equations_once
@@ -117,6 +118,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.runtest = light(item.runtest)  # type: ignore[method-assign]
             if item.name.rpartition(".")[2] in SLOW_EXAMPLES:
                 item.add_marker(pytest.mark.slow)
+            if item.name.endswith(".export"):
+                item.add_marker(pytest.mark.needs("cc"))
 
 
 def pytest_collection_finish() -> None:
@@ -135,6 +138,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     With `--hypothesis-seed` the examples are others: a profile that has the same on every run would ignore it.
     """
+    config.pluginmanager.register(programs)
     if config.getoption("--hypothesis-seed", None) is not None:
         settings.register_profile("seeded", settings.get_profile("clutchid"), derandomize=False)
         settings.load_profile("seeded")

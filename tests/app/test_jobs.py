@@ -159,6 +159,7 @@ def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line
     assert " ".join(said.replace(str(tmp_path), "").split())[-40:] in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.needs("cc")
 def test_an_export_is_a_zip_file_of_the_result(working, calibrated):
     assert working.ask("POST", f"/api/results/{calibrated}/export", {"to": "c,a2l", "method": "joint"}).status == 200
     wait_for(lambda: working.get(calibrated)["exports"])

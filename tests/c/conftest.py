@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.system import System
 from fixtures.once import once
+from fixtures.programs import path_of
 
 STRICT = ("-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-std=c99", "-pedantic")
 
@@ -98,10 +98,7 @@ def pointer(array: NDArray) -> ctypes.c_void_p:
 
 @pytest.fixture(scope="session")
 def compiler() -> str:
-    path = shutil.which("cc") or shutil.which("gcc")
-    if path is None:
-        pytest.skip("no C compiler (cc or gcc) on this machine")
-    return path
+    return path_of("cc")
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model import Actuator, Load
 from clutchid.model.compiled import kernels, system
 from clutchid.parameters import Parameters
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -153,7 +154,7 @@ def test_the_papers_model_takes_the_same_step_with_its_derivatives(build, real):
 def test_a_compiled_step_needs_nothing_but_mathematics(build):
     """No heap and no input or output: what the object asks for from outside is the mathematical library alone."""
     file = build(system("isothermal"), derivatives=FREE["isothermal"]).file.with_name("c.o")
-    asked = subprocess.run(["nm", "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
+    asked = subprocess.run([path_of("nm"), "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
     assert {name for name in asked if name != "U"} <= {"sqrt", "pow", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
 
 

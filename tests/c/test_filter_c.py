@@ -31,6 +31,7 @@ from clutchid.inference.filter.setup import (
 from clutchid.simulation.stiffness import AS_PLANNED
 from fixtures.filter_c import FACTOR, JointC, as_written
 from fixtures.filters import callbacks, nothing
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -383,7 +384,7 @@ def test_parameters_move_only_while_the_piston_is_fast(joint_of):
 def test_the_compiled_filter_needs_nothing_but_mathematics_and_float_knows_no_double(compiled, real):
     code = filter_c99(SIZE, real)
     file = compiled(code, "joint", ("-O2",)).with_name("c.o")
-    asked = subprocess.run(["nm", "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
+    asked = subprocess.run([path_of("nm"), "-u", str(file)], capture_output=True, text=True, check=True).stdout.split()
     allowed = {"double": {"sqrt", "exp"}, "float": {"sqrtf", "expf"}}[real]
     extra = {"memset", "memcpy", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}  # of the compiler
     assert {name for name in asked if name != "U"} <= allowed | extra

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +15,7 @@ from clutchid.model import Actuator, Load, own_model
 from clutchid.model.compiled import kernels, system
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation.stiffness import stiffness
+from fixtures.programs import tried
 
 pytestmark = pytest.mark.slow
 
@@ -111,8 +111,8 @@ def test_float_code_knows_no_double(build, job):
     for text in (built.code.header, built.code.source):
         assert "double" not in text
         assert not re.findall(r"\d\.\d+(?:e[-+]?\d+)?(?![\dFe])", without_comments(text))
-    if shutil.which("nm"):
-        command = ["nm", "-D", "--undefined-only", str(built.file)]
+    if nm := tried("nm").path:
+        command = [nm, "-D", "--undefined-only", str(built.file)]
         listed = subprocess.run(command, capture_output=True, text=True, check=True)
         assert not re.findall(r"\b(sqrt|exp|fabs|pow)\b", listed.stdout)
 

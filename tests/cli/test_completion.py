@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from fixtures.commands import called
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +32,7 @@ def test_bash_completes_the_commands_and_options_after_a_new_start(install, tmp_
     assert "bash" in process.stdout.splitlines()[-1]
     assert str(script) in (tmp_path / ".bashrc").read_text(encoding="utf-8")
     asked = f"source {script}; COMP_WORDS=(clutchid fit --sa); COMP_CWORD=2; _clutchid; echo ${{COMPREPLY[@]}}"
-    shell = subprocess.run(["bash", "-c", asked], capture_output=True, text=True, timeout=30, check=True)
+    shell = subprocess.run([path_of("bash"), "-c", asked], capture_output=True, text=True, timeout=30, check=True)
     assert shell.stdout.strip() == "--save"
     again = install("--shell", "bash")
     assert again.returncode == 0

@@ -19,6 +19,7 @@ def exported(folder, tmp_path, *options):
     return called("export", folder / "cal.toml", "--out", tmp_path / "observer", *options)
 
 
+@pytest.mark.needs("cc")
 def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp_path, capsys):
     assert exported(folder, tmp_path, "--check", folder / "worn.parquet") == 0
     said, errors = capsys.readouterr()
@@ -34,6 +35,7 @@ def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp
     assert all(f"`{flag}`" in advice for flag in FLAGS)
 
 
+@pytest.mark.needs("cc")
 def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
     assert observe(folder / "first.parquet", "--save", "state.toml")[0] == 0
     options = ("--real", "double", "--name", "own", "--rates", "two", "--resume", tmp_path / "state.toml")

@@ -1,7 +1,6 @@
 """Kernels that are written by hand, in C99: the same text and the same numbers."""
 
 import ctypes
-import shutil
 import subprocess
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from clutchid.codegen.kernel_c99 import kernel_c99
 from clutchid.strokes import plausible, rule
 from clutchid.strokes.values import new_watch
+from fixtures.programs import path_of
 
 LIMITS = np.array([-7e-3, 32e-3, 0.84, 400.0, 4e-4, 0.015, 0.5, 0.05, 1e-3])
 
@@ -26,7 +26,7 @@ def test_a_loop_cannot_be_printed():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+@pytest.mark.needs("cc")
 def test_the_rule_for_values_has_the_verdicts_of_the_kernel(tmp_path):
     number = {np.inf: "HUGE_VAL"}
     text = kernel_c99(
@@ -37,7 +37,7 @@ def test_the_rule_for_values_has_the_verdicts_of_the_kernel(tmp_path):
     )
     library = tmp_path / "rule.so"
     strict = ("-Wall", "-Wextra", "-Wconversion", "-Werror", "-ffp-contract=off")
-    subprocess.run(["cc", "-shared", "-fPIC", *strict, "-o", library, tmp_path / "rule.c", "-lm"], check=True)
+    subprocess.run([path_of("cc"), "-shared", "-fPIC", *strict, "-o", library, tmp_path / "rule.c", "-lm"], check=True)
     in_c = ctypes.CDLL(str(library)).own_judge_next
     array, real = np.ctypeslib.ndpointer(np.float64), ctypes.c_double
     in_c.argtypes = [array, array, real, real, real, real, array]

@@ -1,11 +1,13 @@
 """The commands of the documentation print what its pages show, but for those that take long."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import pytest
 
 from fixtures.once import fits_once
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -20,12 +22,17 @@ def _console():
 
 
 console = _console()
+#: Programs that commands of a page call.
+PROGRAMS = {"cc": "cc|make|clutchid export", "make": "make"}
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in console.pages()}
 
 
 @fits_once()
 @pytest.mark.parametrize("page", PAGES)
 def test_the_commands_of_a_page_print_what_it_shows(blank, page):
+    for name, commands in PROGRAMS.items():
+        if re.search(rf"^\$ ({commands})\b", PAGES[page].read_text(encoding="utf-8"), re.MULTILINE):
+            path_of(name)
     changes = console.differences(PAGES[page].read_text(encoding="utf-8"), long=False)
     assert not changes, "\n".join([*map(str, changes), f"if that is right: python benchmarks/docs.py {page} --write"])
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -13,6 +12,7 @@ from urllib.parse import unquote
 import pytest
 
 import clutchid
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -141,11 +141,8 @@ def browser():
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="no playwright: the site is not looked at in a browser"
     )
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("no chromium on this machine: the site is not looked at in a browser")
     with playwright.sync_playwright() as started:
-        shown = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        shown = started.chromium.launch(executable_path=path_of("chromium"), args=["--no-sandbox"])
         yield shown
         shown.close()
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 from base64 import b64encode
 from datetime import UTC, datetime
@@ -32,6 +31,7 @@ from clutchid.documents.html import page_of, write_page
 from clutchid.documents.results import FleetWear
 from clutchid.documents.tables import Link
 from clutchid.wear.trend import Interval
+from fixtures.programs import path_of
 
 NAN, INF = float("nan"), float("inf")
 HOSTILE = "</script><script>alert('1')</script>\"><img src=x onerror=alert(2)>"
@@ -332,7 +332,7 @@ document.title = JSON.stringify(found);
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium on the path")
+@pytest.mark.needs("chromium")
 def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp_path):
     shifts = [0.2e-3, -0.1e-3, NAN, 0.05e-3]
     rows = [vehicle(f"V{i}", shift=shift) for i, shift in enumerate(shifts)] + [vehicle("other", type="B")]
@@ -349,8 +349,8 @@ def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp
     html = page_of(document_of(FleetWear(rows, []), "c")).replace("script-src ", f"script-src 'sha256-{digest}' ", 1)
     (tmp_path / "x.html").write_text(html.replace("</body>", f"<script>{script}</script></body>"), encoding="utf-8")
     options = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}")
-    command = ["chromium", *options, "--virtual-time-budget=20000", "--dump-dom", (tmp_path / "x.html").as_uri()]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    command = [*options, "--virtual-time-budget=20000", "--dump-dom", (tmp_path / "x.html").as_uri()]
+    run = subprocess.run([path_of("chromium"), *command], capture_output=True, text=True, timeout=120, check=True)
     content = json.loads(unescape(re.search("<title>(.*?)</title>", run.stdout, re.DOTALL)[1]))
     assert dict(zip(expected, content, strict=True)) == expected
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from clutchid.observer.observer import Observer
 from clutchid.observer.state_file import fingerprint
 from fixtures.a2l import addresses
 from fixtures.export_c import compiled, write_sources
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -83,7 +83,7 @@ def reading(exported: Exported, symbols: Iterator[str]) -> str:
 def accepted(source: Path, folder: Path) -> bool:
     """Whether a compiler accepts a source: members, types, and bounds of arrays."""
     options = ("-O2", "-Warray-bounds", "-Werror", "-S", "-o", "/dev/null", f"-I{folder}")
-    return subprocess.run(["gcc", *options, str(source)], capture_output=True, check=False).returncode == 0
+    return subprocess.run([path_of("cc"), *options, str(source)], capture_output=True, check=False).returncode == 0
 
 
 def test_every_symbol_is_an_element_of_its_type_in_the_c_sources(exported: Exported, tmp_path: Path) -> None:
@@ -200,17 +200,17 @@ def test_the_calibration_can_stand_in_a_section_of_its_own(exported: Exported, t
     data, placed = exported.folder / "release_data.c", tmp_path / "data.o"
     section = """-DRELEASE_CALIBRATION=__attribute__((section(".calibration")))"""
     for option, expected in (("-DNONE", False), (section, True)):
-        subprocess.run(["gcc", "-c", option, "-o", str(placed), str(data)], check=True)
-        table = subprocess.check_output(["objdump", "-t", str(placed)], text=True)
+        subprocess.run([path_of("cc"), "-c", option, "-o", str(placed), str(data)], check=True)
+        table = subprocess.check_output([path_of("objdump"), "-t", str(placed)], text=True)
         line = next(line for line in table.splitlines() if line.endswith(" release_data"))
         assert (".calibration" in line) is expected
 
 
-a2ltool = pytest.mark.skipif(shutil.which("a2ltool") is None, reason="a2ltool is not installed")
+a2ltool = pytest.mark.needs("a2ltool")
 
 
 def run_a2ltool(*options: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["a2ltool", *map(str, options)], capture_output=True, text=True, check=False)
+    return subprocess.run([path_of("a2ltool"), *map(str, options)], capture_output=True, text=True, check=False)
 
 
 @a2ltool
@@ -277,7 +277,7 @@ def test_addresses_from_an_elf_file_are_those_of_the_program(exported: Exported,
         assert (process.returncode, process.stderr) == (0, "")
         text = filled.read_text()
         assert addresses(text) == truth
-    listed = map(str.split, subprocess.check_output(["nm", str(program)], text=True).splitlines())
+    listed = map(str.split, subprocess.check_output([path_of("nm"), str(program)], text=True).splitlines())
     symbols = {line[2]: int(line[0], 16) for line in listed if len(line) == 3}
     assert addresses(text)[f"{name}.load_position"] == symbols[f"{name}_breakpoints"]
     assert addresses(text)[f"{name}.pressure_a"] == symbols[f"{name}_output"]

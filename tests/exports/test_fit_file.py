@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from clutchid.model import Actuator, Load, OwnModel, OwnParameter
 from clutchid.model.equipment import Equipment
 from fixtures.baselines import with_baseline
 from fixtures.matlab_text import struct_in
+from fixtures.programs import path_of
 
 
 def loaded(path: Path) -> dict:
@@ -222,14 +222,16 @@ def test_octave_reads_the_same_struct_from_both_files(
     request: pytest.FixtureRequest, tmp_path: Path, name: str
 ) -> None:
     odd = request.getfixturevalue(name)
-    octave = shutil.which("octave-cli")
-    if octave is None:
-        pytest.skip("no octave-cli on this machine")
     for name in ("odd.m", "odd.mat"):
         write_matlab(odd, tmp_path / name)
     program = "load odd.mat; [c, f] = odd; printf('%d %.17g', isequaln(c, clutchid), f(5.125e-3))"
     process = subprocess.run(
-        [octave, "--norc", "--eval", program], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+        [path_of("octave-cli"), "--norc", "--eval", program],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     same, force = process.stdout.split()
     assert same == "1", process.stderr

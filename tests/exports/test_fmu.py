@@ -26,7 +26,7 @@ from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
 from clutchid.exports import fmu
 from clutchid.exports.c99 import CStyle, observer_c99
-from clutchid.exports.fmu import XCP, a2ltool, missing_parts, model_fmu, observer_fmu, platforms
+from clutchid.exports.fmu import XCP, missing_parts, model_fmu, observer_fmu, platforms
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import Log
 from clutchid.model import Actuator
@@ -35,6 +35,7 @@ from clutchid.model.own import OwnModel, OwnParameter, OwnState
 from clutchid.observer import observer, start
 from clutchid.simulation import simulate
 from fixtures.a2l import addresses
+from fixtures.programs import path_of, tried
 
 pytestmark = pytest.mark.slow
 
@@ -191,6 +192,16 @@ def compiled(exported: Exported) -> Exported:
 def modules(plant: Actuator) -> dict[str, CSource]:
     estimator = observer(plant)
     return observer_c99(estimator, start(estimator), STYLE, "a test")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _programs_that_work():
+    """FMUs are built without a compiler or an a2ltool that does not work, as without any."""
+    with pytest.MonkeyPatch.context() as patched:
+        for name, program in (("compiler", "cc"), ("a2ltool", "a2ltool")):
+            path = tried(program).path or None
+            patched.setattr(fmu, name, lambda path=path: path)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -353,7 +364,7 @@ def test_the_same_calibration_gives_the_same_bytes_and_another_one_another_guid(
 
 
 def test_without_a_compiler_an_fmu_has_only_sources(monkeypatch, plant):
-    monkeypatch.setattr("shutil.which", lambda *_, **__: None)
+    monkeypatch.setattr(fmu, "compiler", lambda: None)
     monkeypatch.setattr(fmu, "find_spec", lambda name: None)
     content = model_fmu(plant).content
     assert platforms(content) == ()
@@ -392,8 +403,8 @@ def test_its_sources_compile_without_a_warning(runs, header, tmp_path):
         name = f"fmi{runs.version}Functions.h"
         (tmp_path / "headers" / name).write_text(template(f"{name}.j2", "clutchid.exports").render())
     sources = sorted(str(file) for file in (runs.folder / "sources").glob("*_fmu.c"))
-    command = ["cc", *STRICT, "-O1", f"-I{tmp_path / 'headers'}", "-c", "-o", str(tmp_path / "fmu.o"), *sources]
-    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    options = [*STRICT, "-O1", f"-I{tmp_path / 'headers'}", "-c", "-o", str(tmp_path / "fmu.o")]
+    process = subprocess.run([path_of("cc"), *options, *sources], capture_output=True, text=True, check=False)
     assert process.stderr == ""
 
 
@@ -413,7 +424,7 @@ def test_steps_of_the_observer_are_those_of_the_replay(observing, modules, input
     values = {"name": "clutch", "real": "double", "positions": [5e-3], "begins_us": 0, "outputs": names}
     (folder / "replay.c").write_text(replay.render(values))
     files = [str(folder / f"{stem}.c") for stem in ("replay", *modules)]
-    subprocess.run(["cc", "-std=c99", "-O0", "-o", str(folder / "replay"), *files, "-lm"], check=True)
+    subprocess.run([path_of("cc"), "-std=c99", "-O0", "-o", str(folder / "replay"), *files, "-lm"], check=True)
     columns = [inputs[name][:n] for name in ("position_measured", "duty_supply", "duty_exhaust")]
     samples = np.column_stack([*columns, np.full((n, 2), np.nan), np.where(np.arange(n) > 0, 1000.0, 0.0)])
     process = subprocess.run([str(folder / "replay")], input=samples.tobytes(), capture_output=True, check=True)
@@ -587,9 +598,8 @@ def test_fmpy_finds_nothing_wrong_and_simulates_the_same(runs, inputs, tmp_path)
     np.testing.assert_allclose(recorded, rows, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.skipif(
-    not (find_spec("ziglang") and shutil.which("wine64")), reason="ziglang and wine64 are not installed"
-)
+@pytest.mark.needs("wine64")
+@pytest.mark.skipif(not find_spec("ziglang"), reason="ziglang is not installed")
 def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, inputs, tmp_path):
     loader, zig = tmp_path / "loader.exe", (sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu")
     subprocess.run([*zig, "-std=c99", "-O1", "-o", loader, Path(__file__).with_name("loader.c")], check=True)
@@ -604,7 +614,7 @@ def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, input
         numbers += [f"@{of_platform[f'{runs.name}.{name}']:X}" for name in names[4:]]
     samples = "\n".join(" ".join(float(values[k]).hex() for values in used.values()) for k in range(n))
     process = subprocess.run(
-        ["wine64", loader, library, str(runs.version), runs.token, str(len(used)), *numbers],
+        [path_of("wine64"), loader, library, str(runs.version), runs.token, str(len(used)), *numbers],
         input=samples, capture_output=True, text=True, check=False, env={**os.environ, "WINEDEBUG": "-all"},
     )  # fmt: skip
     assert process.returncode == 0, process.stderr
@@ -618,8 +628,7 @@ def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, input
 @pytest.fixture
 def measured(observing: Exported) -> Exported:
     """Those with an A2L of their binary for this machine."""
-    if a2ltool() is None:
-        pytest.skip("a2ltool is not installed")
+    path_of("a2ltool")
     return observing
 
 
@@ -655,7 +664,7 @@ def test_the_manifest_names_an_a2l_of_the_sources_and_of_every_binary(made):
         (interface,) = manifest.findall("Interface")
         assert interface.attrib["supportsDirectMemoryAccess"] == "true"
         where = {str(file.parent) for file in (exported.folder / XCP).rglob(interface.attrib["definition"])}
-        platforms_of = {"", *platforms(exported.content)} if a2ltool() else {""}
+        platforms_of = {"", *platforms(exported.content)} if fmu.a2ltool() else {""}
         assert where == {str(exported.folder / XCP / platform) for platform in platforms_of}
         assert "documentation/fmi-ls-xcp.txt" in zipfile.ZipFile(io.BytesIO(exported.content)).namelist()
         assert not (made("model", version).folder / "extra").exists()

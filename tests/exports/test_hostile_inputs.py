@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
-from clutchid.exports.c99 import CStyle, compiler, observer_c99
+from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.parity import RESULT_COLUMNS, begins_us, parity, replay, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
@@ -26,6 +26,7 @@ from clutchid.simulation import simulate
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
 from fixtures.export_c import compiled, write_sources
+from fixtures.programs import path_of
 
 DOUBLE = CStyle(real="double")
 ENGAGING = np.linspace(5e-3, 8e-3, 13)
@@ -123,7 +124,7 @@ def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
 @pytest.fixture(scope="module")
 def program(estimator, log, tmp_path_factory):
     """The observer in C with the program that runs a recording through it."""
-    cc = compiler() or pytest.skip("no C compiler on this machine")
+    cc = path_of("cc")
     modules = observer_c99(estimator, start(estimator), DOUBLE, "a test")
     return replay_program(estimator, modules, DOUBLE, begins_us(log), cc, tmp_path_factory.mktemp("c"))
 
@@ -156,7 +157,7 @@ def test_c_begins_at_the_far_stop_as_python_does(estimator, log, program):
 @pytest.mark.slow
 def test_a_sensor_that_moves_by_less_than_a_jump_is_found_by_rests_that_agree(plant):
     """In Python and in C, where friction holds the piston far above its stop after a stroke."""
-    cc = compiler() or pytest.skip("no C compiler on this machine")
+    cc = path_of("cc")
     time = 1e-3 * np.arange(17_000)
     duties = {
         "duty_supply": (time % 1.6 > 0.4) * (time % 1.6 < 0.6) * 1.0,
@@ -317,6 +318,7 @@ def words_of(estimator, style, main, folder, *linking):
     """Words that a program in C prints that calls an observer."""
     sources = write_sources(estimator, style, folder / "src")
     (folder / "main.c").write_text(main)
+    path_of("cc with sanitizers")
     options = ("-I", str(folder / "src"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
     program = compiled([folder / "main.c", *sources], folder / "main", *options, *linking)
     return subprocess.run([program], capture_output=True, check=True, text=True).stdout.split()

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from clutchid.exports.c99 import CStyle, compiler
+from clutchid.exports.c99 import CStyle
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.observer import observer
@@ -14,7 +14,7 @@ from fixtures.export_c import compiled, write_sources
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine"),
+    pytest.mark.needs("cc with sanitizers"),
 ]
 
 #: Samples of a random sequence, and hours of strokes, whose microseconds wrap after 1.2: `.ci/slow` takes more of both.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import os
 import re
-import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
 from fixtures.export_c import OPTIMISED, STRICT, compiled, replay, write_sources
+from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,7 @@ BEGINS = 3000
 
 POSITIONS = np.linspace(0.0, 0.024, 7)
 
-octave = pytest.mark.skipif(shutil.which("mkoctfile") is None, reason="Octave with mkoctfile is not installed")
+octave = pytest.mark.needs("octave-cli", "mkoctfile")
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,8 @@ def pointer(values: FloatArray) -> ctypes.c_void_p:
 
 
 def run_octave(folder: Path, statements: str) -> None:
-    command = ["octave-cli", "--norc", "--quiet", "--eval", statements]
-    environment = {**os.environ, "CC": "gcc", "CFLAGS": f"{OPTIMISED} -fPIC"}  # of mkoctfile
+    command = [path_of("octave-cli"), "--norc", "--quiet", "--eval", statements]
+    environment = {**os.environ, "CC": path_of("cc"), "CFLAGS": f"{OPTIMISED} -fPIC"}  # of mkoctfile
     subprocess.run(command, cwd=folder, check=True, capture_output=True, env=environment)
 
 

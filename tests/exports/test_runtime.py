@@ -1,7 +1,6 @@
 """An exported observer on recordings with everything that goes wrong, against the observer in Python."""
 
 import ctypes
-import shutil
 import subprocess
 from dataclasses import replace
 from functools import cache
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import ParameterError
-from clutchid.exports.c99 import CStyle, c_number, compiler, observer_c99, source_files
+from clutchid.exports.c99 import CStyle, c_number, observer_c99, source_files
 from clutchid.exports.parity import (
     RESULT_COLUMNS,
     begins_us,
@@ -31,6 +30,7 @@ from clutchid.observer.health import FLAGS
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
 from fixtures.export_c import write_sources
+from fixtures.programs import path_of, tried
 
 pytestmark = pytest.mark.slow
 
@@ -86,7 +86,7 @@ def observer_of(switched, log):
 @pytest.fixture(scope="module")
 def found_by(observer_of, tmp_path_factory):
     """What C finds in a recording, and how far it is from Python: found_by(method, style, log)."""
-    cc = compiler() or pytest.skip("no C compiler on this machine")
+    cc = path_of("cc")
 
     def program(method, style, state, begins):
         modules = observer_c99(observer_of(method), state, style, "test")
@@ -217,7 +217,7 @@ def test_the_model_and_the_paper_s_load_are_exported_too(found_by, plant, record
     actuator = Actuator(plant.parameters, Load((9.0e5, -0.3e5, 0.6e5)), "isothermal")
     estimator, log = observer(actuator, "paper"), recorded_by(actuator, driven=1)
     state, style = start(estimator), CStyle(real="double")
-    outputs = replay(estimator, observer_c99(estimator, state, style, "test"), style, log, compiler())
+    outputs = replay(estimator, observer_c99(estimator, state, style, "test"), style, log, path_of("cc"))
     compared = parity(estimator, state, log, outputs)
     assert compared.holds(style), compared
 
@@ -293,7 +293,7 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
     write_sources(estimator, CStyle(real="double"), folder)
     (folder / "main.c").write_text("#include <stdlib.h>\n" + MEMORY)
     program = tmp_path / "main"
-    subprocess.run(["cc", "-O0", "-o", program, *folder.glob("*.c"), "-lm"], check=True)
+    subprocess.run([path_of("cc"), "-O0", "-o", program, *folder.glob("*.c"), "-lm"], check=True)
     data = samples_of(log.slice(0, 5000)).tobytes()
 
     def run(*words):
@@ -319,13 +319,17 @@ def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tm
     for file, text in source_files(modules).items():
         (tmp_path / file).write_text(text)
     sources = sorted(tmp_path.glob("*.c"))
-    if shutil.which("clang"):  # its warnings do not hang on what it optimises
-        subprocess.run(["clang", *STRICT, "-fsyntax-only", *sources], cwd=tmp_path, check=True)
-    subprocess.run(["cc", *STRICT, "-c", *sources], cwd=tmp_path, check=True)
-    symbols = subprocess.run(["nm", "-g", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True)
+    if clang := tried("clang").path:  # its warnings do not hang on what it optimises
+        subprocess.run([clang, *STRICT, "-fsyntax-only", *sources], cwd=tmp_path, check=True)
+    subprocess.run([path_of("cc"), *STRICT, "-c", *sources], cwd=tmp_path, check=True)
+    symbols = subprocess.run(
+        [path_of("nm"), "-g", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True
+    )
     defined = {line.split()[-1] for line in symbols.stdout.splitlines() if line.split()[-2:-1] in (["T"], ["R"], ["D"])}
     assert all(name.startswith("own_name") for name in defined)
-    written = subprocess.run(["nm", *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True).stdout
+    written = subprocess.run(
+        [path_of("nm"), *sorted(tmp_path.glob("*.o"))], capture_output=True, text=True, check=True
+    ).stdout
     assert not [line for line in written.splitlines() if line.split()[-2:-1] in (["b"], ["B"], ["d"], ["C"])]
     if real == "float":
         assert not any(

@@ -1,7 +1,6 @@
 """An exported observer on a control unit: it builds, and has the outputs that it must have."""
 
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from functools import cache
@@ -20,15 +19,13 @@ from clutchid.model import Actuator
 from clutchid.observer import observer
 from clutchid.observer.observer import Observer
 from fixtures.export_c import write_sources
+from fixtures.programs import path_of
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(shutil.which("make") is None or shutil.which("cc") is None, reason="no make, or no C compiler"),
+    pytest.mark.needs("make", "cc"),
 ]
-ON_TARGET = pytest.mark.skipif(
-    any(shutil.which(tool) is None for tool in ("arm-none-eabi-gcc", "qemu-system-arm")),
-    reason="no arm-none-eabi-gcc, or no qemu-system-arm",
-)
+ON_TARGET = pytest.mark.needs("arm-none-eabi-gcc", "qemu-system-arm")
 STYLES = [CStyle("unit", real, rates) for real in ("float", "double") for rates in ("one", "two")]
 STRICT = "CFLAGS=-O1 -Werror"
 
@@ -43,7 +40,9 @@ def written(folder: Path, observed: Observer, style: CStyle) -> Path:
 
 
 def make(folder: Path, *targets: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["make", "-C", folder, *targets], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [path_of("make"), "-C", folder, f"CC={path_of('cc')}", *targets], capture_output=True, text=True, check=False
+    )
 
 
 def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:
@@ -54,7 +53,7 @@ def outputs_of(folder: Path, style: CStyle, samples: FloatArray) -> FloatArray:
     (folder / "replay.c").write_text(program)
     sources = sorted((folder / "src").glob("*.c"))
     command = [
-        "cc",
+        path_of("cc"),
         "-std=c99",
         "-O0",
         f"-I{folder}/src",

@@ -5,13 +5,14 @@ import subprocess
 import numpy as np
 import pytest
 
-from clutchid.exports.c99 import CStyle, compiler, observer_c99
+from clutchid.exports.c99 import CStyle, observer_c99
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.exports.parity import samples_of
 from clutchid.observer import observer, start
 from fixtures.export_c import compiled, replay, write_sources
+from fixtures.programs import path_of
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(compiler() is None, reason="no C compiler on this machine")]
+pytestmark = [pytest.mark.slow, pytest.mark.needs("cc with sanitizers")]
 
 STYLES = [CStyle(real="float", rates="one"), CStyle(real="double", rates="two")]
 
@@ -80,7 +81,8 @@ def built(calibrations, style, main, folder):
     (folder / "main.c").write_text(text.replace("MAIN", main))
     options = ("-I", str(folder / "a"), "-fsanitize=undefined,address", "-fno-sanitize-recover=all")
     subprocess.run(
-        ["gcc", "-O0", "-DCLUTCH_DATA=other_data", f"-I{folder / 'b'}", "-c", data, "-o", folder / "b.o"], check=True
+        [path_of("cc"), "-O0", "-DCLUTCH_DATA=other_data", f"-I{folder / 'b'}", "-c", data, "-o", folder / "b.o"],
+        check=True,
     )
     return compiled([folder / "main.c", *sources, folder / "b.o"], folder / "main", *options)
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from fixtures.programs import path_of
+
 ROOT = Path(__file__).resolve().parents[2]
 
 #: Addresses, in pieces.
@@ -29,10 +31,12 @@ WORDS = (
 
 def checked(folder, text):
     """What the lint says of a tracked file with this text."""
-    subprocess.run(["git", "init", "-q", folder], check=True)
+    subprocess.run([path_of("git"), "init", "-q", folder], check=True)
     (folder / "notes.md").write_text(f"See {text}\n")
-    subprocess.run(["git", "-C", folder, "add", "notes.md"], check=True)
-    return subprocess.run(["bash", ROOT / ".ci" / "addresses"], cwd=folder, capture_output=True, text=True, check=False)
+    subprocess.run([path_of("git"), "-C", folder, "add", "notes.md"], check=True)
+    return subprocess.run(
+        [path_of("bash"), ROOT / ".ci" / "addresses"], cwd=folder, capture_output=True, text=True, check=False
+    )
 
 
 @pytest.mark.parametrize("text", ADDRESSES)
@@ -49,7 +53,7 @@ def test_what_is_no_address_passes(tmp_path):
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="the repository is needed.")
 def test_no_tracked_file_names_one():
     process = subprocess.run(
-        ["bash", ROOT / ".ci" / "addresses"], cwd=ROOT, capture_output=True, text=True, check=False
+        [path_of("bash"), ROOT / ".ci" / "addresses"], cwd=ROOT, capture_output=True, text=True, check=False
     )
     assert (process.returncode, process.stdout) == (0, "")
     assert ".ci/addresses" in (ROOT / ".ci" / "lint").read_text()

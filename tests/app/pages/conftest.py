@@ -4,7 +4,6 @@ With CLUTCHID_WRITE_PICTURES=1 the pictures of docs/commands/app.md are written 
 """
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -15,9 +14,9 @@ import pytest
 
 from clutchid import write
 from clutchid.truck import Truck, drive
+from fixtures.programs import path_of
 
 PICTURES = Path(__file__).resolve().parents[3] / "docs" / "images"
-CHROMIUM = shutil.which("chromium")
 AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
 
 
@@ -31,10 +30,8 @@ def pytest_collection_modifyitems(items):
 def browser():
     """Chromium without a window; it ends with the file, as its event loop is in the way of others."""
     api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed: pages are not opened.")
-    if CHROMIUM is None:
-        pytest.skip("there is no chromium on this machine: pages are not opened.")
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=path_of("chromium"), args=["--no-sandbox"])
         yield browser
         browser.close()
 
