@@ -34,7 +34,7 @@ from clutchid.preparation.pulses import centred
 from clutchid.simulation import simulate
 from clutchid.simulation.sensors import lagged
 from clutchid.strokes.duty_cycle import duty_grid
-from clutchid.strokes.vented_pressure import ABSOLUTE
+from clutchid.strokes.vented_pressure import ABSOLUTE, without_zeros
 from clutchid.truck import drive, truck
 from clutchid.verbs import fitting
 from clutchid.verbs.commands import FitCommand
@@ -119,6 +119,22 @@ def test_the_ambient_pressure_is_read_off_the_vented_rest(drive_log, plant):
     assert ambient.std == CLOSED_STD
     assert begin.value("P_0") == ambient.mean
     assert "P_0" in free
+
+
+@pytest.mark.parametrize("zero", [-8e3, 8.5e3, 30e3])
+def test_a_zero_of_the_pressure_sensor_changes_no_load(drive_log, plant, zero):
+    gauge = drive_log.with_columns(pressure_a=drive_log["pressure_a"] - 109500.0 + 101300.0)
+    gauge = replace(gauge, metadata={"pressure_a_unit": "bar(g)", "ambient_Pa": "101300.0"})
+    off = gauge.with_columns(pressure_a=gauge["pressure_a"] + zero)
+    ((before, sound), (now, taken)) = (
+        (fit.load_curve.force[:80], fit.recordings["log"].measured["pressure_a"])
+        for fit in (clutchid.fit(log, plant, measure=("position", "pressure_a")) for log in (gauge, off))
+    )
+    # over the reach; the rest is read to some 0.1 kPa of noise, and 1 kPa is 12 N
+    assert now == pytest.approx(before, abs=5.0)
+    assert taken == pytest.approx(sound, abs=400.0)
+    (rest,) = ambient_priors(without_zeros([off])).values()
+    assert (rest.mean, rest.std) == (pytest.approx(101300.0), CLOSED_STD)
 
 
 def shifted(log, pascal, name, start=0):

@@ -9,10 +9,13 @@ from clutchid.log import Log
 from clutchid.measurements.source import UNIT_KEY
 from clutchid.strokes.vented_pressure import (
     ABSOLUTE,
+    LARGEST_ZERO,
     OFFSET_PRIOR,
     VENTED_KEY,
+    sensor_zero,
     vented_pressure,
     vented_prior,
+    without_zeros,
 )
 
 AMBIENT, NOISE, RATE = 1.0e5, 2e3, 1000.0
@@ -141,3 +144,86 @@ def test_a_rest_that_contradicts_what_is_known_does_not_count_unless_it_lies_bel
         stated: vented_pressure(replace(log, metadata={VENTED_KEY: stated})) for stated in ("90e3", "98e3", "110e3")
     }
     assert [pressure is not None for pressure in counts.values()] == [False, True, True]
+
+
+#: Metadata of a gauge column, and of an absolute one with and without a stated ambient pressure.
+GAUGE, STATED, UNSTATED = {"ambient_Pa": "100000.0", UNIT_KEY: "bar(g)"}, {VENTED_KEY: "100000.0"}, {}
+VENTS = ((0.4, AMBIENT, *CLOSED), STROKE, HOLD, DOWN, VENTING)
+
+
+def with_zero(zero, metadata, phases=VENTS):
+    """A recording whose pressure sensor has an error of zero in Pa."""
+    log = recording(*phases)
+    return replace(log.with_columns(pressure_a=log["pressure_a"] + zero), metadata=metadata)
+
+
+@pytest.mark.parametrize("phases", [VENTS, VENTS[1:], ((1.0, AMBIENT, *OPEN), STROKE, HOLD)])
+@pytest.mark.parametrize("metadata", [GAUGE, STATED])
+@pytest.mark.parametrize("zero", [-15e3, 0.0, 4e3, 15e3, 30e3])
+def test_a_flat_rest_shows_the_zero_of_the_sensor(zero, metadata, phases):
+    log = with_zero(zero, metadata, phases)
+    rest = vented_pressure(log)
+    assert abs(rest.mean - AMBIENT - zero) < 3.0 * rest.std
+    taken, sentence = sensor_zero(log)
+    if abs(zero) < 3.0 * OFFSET_PRIOR.std:
+        assert (taken, sentence) == (0.0, "")
+        assert without_zeros([log]) == [log]
+    else:
+        assert taken == rest.mean - AMBIENT
+        (sound,) = without_zeros([log])
+        assert vented_pressure(sound).mean == pytest.approx(AMBIENT)
+        assert sensor_zero(sound) == (0.0, "")
+
+
+@pytest.mark.parametrize(
+    ("zero", "metadata", "sentence"),
+    [
+        (8.5e3, GAUGE, "pressure_a settles at 0.085 bar(g) with the chamber vented: the sensor's zero is off by +0.085 "
+         "bar; taken off."),
+        (-2e4, GAUGE, "pressure_a settles at -0.200 bar(g) with the chamber vented: the sensor's zero is off by -0.200 "
+         "bar; taken off."),
+        (3e4, STATED, "pressure_a settles at 1.300 bar with the chamber vented, where the air has 1 bar: the sensor's "
+         "zero is off by +0.300 bar; taken off."),
+        (3e4, UNSTATED, "pressure_a settles at 1.300 bar with the chamber vented, where the air has about 1.03 bar: "
+         "the sensor's zero is off by +0.270 bar; taken off."),
+        (-2e4, UNSTATED, "pressure_a settles at 0.800 bar with the chamber vented: by altitude, as a calibration takes "
+         "it, or the sensor's zero is off by -0.23 bar; give the air pressure of the place, --ambient."),
+    ],
+    ids=["gauge", "gauge below 0", "--ambient", "above all air", "altitude"],
+)  # fmt: skip
+def test_a_zero_is_said_in_the_unit_of_the_file(zero, metadata, sentence):
+    log = with_zero(zero, metadata)
+    exact = np.round(log["pressure_a"] / 1e4) * 1e4 if zero != 8.5e3 else 108500.0 + 0.0 * log["pressure_a"]
+    taken, said = sensor_zero(log.with_columns(pressure_a=np.where(log["position"] > 0.0, log["pressure_a"], exact)))
+    assert said == sentence
+    assert (taken == 0.0) == ("altitude" in sentence)
+
+
+@pytest.mark.parametrize(
+    "phases",
+    [
+        # trapped air: no later rest has the exhaust valve open, or it lies elsewhere
+        ((0.5, AMBIENT + 2e4, *CLOSED), STROKE, HOLD),
+        ((0.5, AMBIENT + 2e4, *CLOSED), STROKE, HOLD, (0.1, decay(3e5, 0.05, AMBIENT + 5e4), 0.0, 1.0, 0.01)),
+        ((0.5, AMBIENT + 2e4, *CLOSED), STROKE, HOLD, DOWN, (0.5, decay(4e4, 0.06, AMBIENT + 3e4), *OPEN)),
+        # it creeps
+        ((0.5, decay(4e4, 1.0), *OPEN), STROKE, HOLD),
+        ((0.5, AMBIENT + LARGEST_ZERO + 1e4, *OPEN), STROKE, HOLD),
+    ],
+    ids=["trapped", "closes too early", "another level", "creeps", "too much"],
+)
+def test_a_chamber_that_is_not_vented_shows_no_zero(phases):
+    for metadata in (GAUGE, STATED):
+        assert sensor_zero(with_zero(0.0, metadata, phases)) == (0.0, "")
+
+
+def test_recordings_beside_one_with_a_zero_count_from_their_own_rests_too():
+    """That of one sensor may lie on both sides of what is taken for sound."""
+    means = {
+        zeros: [vented_pressure(log).mean for log in without_zeros([with_zero(zero, GAUGE) for zero in zeros])]
+        for zeros in ((8.5e3, 4e3), (3e3, 4e3))
+    }
+    assert means[8.5e3, 4e3] == [pytest.approx(AMBIENT)] * 2
+    assert means[3e3, 4e3] == [vented_pressure(with_zero(zero, GAUGE)).mean for zero in (3e3, 4e3)]
+    absolute = with_zero(4e3, UNSTATED)
+    assert without_zeros([with_zero(8.5e3, GAUGE), absolute])[1] is absolute

@@ -26,7 +26,7 @@ from clutchid.numerics.progress import Progress, report_stage, within_stage
 from clutchid.preparation.prepare import check_recordings, with_duty_cycles, with_usable_samples
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.simulation.inputs import with_inputs
-from clutchid.strokes.vented_pressure import with_ambient
+from clutchid.strokes.vented_pressure import with_ambient, without_zeros
 from clutchid.strokes.vented_rest import from_rest
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
@@ -66,7 +66,8 @@ def fit_request(
         with_usable_samples(with_duty_cycles(several, start.equipment), start) for several in (logs, verify)
     )
     rested, checked = (
-        [from_rest(log, request.counted_from, request.zero) for log in several] for several in (ready, apart)
+        [from_rest(log, request.counted_from, request.zero) for log in without_zeros(several)]
+        for several in (ready, apart)
     )
     recordings, others = [rest.log for rest in rested], [rest.log for rest in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)

@@ -33,6 +33,13 @@ ABSOLUTE = VentedPrior(1.03e5, 6e3, "sea level to 500 m, 3 kPa of weather, 2 kPa
 #: Standard deviation in Pa of the offset of a sensor, beside an ambient pressure that is known.
 OFFSET_PRIOR = VentedPrior(0.0, 2e3, "half a bar of range to one per cent; that of the virtual trucks is up to 2 kPa")
 
+#: Largest error in Pa that is taken for one of zero: 3 % of a range of 10 bar, the total error of such a sensor over
+#: its life and temperature by data sheets; a guess. More is a wrong unit, or a chamber that is not vented.
+LARGEST_ZERO = 3e4
+
+#: Most by which rests of a vented chamber lie above another pressure, in Pa, beside noise: as an offset may.
+_ALIKE = 6e3
+
 #: Length in s of a bin, of which the mean is taken, longer than noise of sensors is correlated; fewest bins of a rest.
 _BIN, _FEWEST = 0.02, 4
 
@@ -140,7 +147,8 @@ def vented_pressure(log: Log) -> VentedPressure | None:
 
     A rest is settled where its pressure is flat: the slope lies within its standard error. At the start of the
     recording the valves may be closed, unless a later pressure lies below; after a stroke the exhaust valve must be
-    open, and the decay over. Neither may lie above the prior by three standard deviations.
+    open, and the decay over. Neither may lie above the prior by three standard deviations, or with a zero error of the
+    sensor, `LARGEST_ZERO`: only if there is a rest with an open exhaust valve, and no pressure clearly below it.
 
     Parameters
     ----------
@@ -162,17 +170,66 @@ def vented_pressure(log: Log) -> VentedPressure | None:
     if bins is None:
         return None
     prior, (start, stop), later = vented_prior(log), _at_start(bins), _after_strokes(bins)
-    settled = []
-    if start is not None and _possible(start, prior) and not _above(start, later, bins.pressure[stop:]):
+    opens = start is not None and bool(bins.opened[stop - start.bins : stop].all())
+    settled, shown = [], [level for level in (later, start if opens else None) if level is not None]
+    vents = any(not _above(level, None, bins.pressure, _ALIKE) for level in shown)
+    if start is not None and _possible(start, prior, vents=vents) and not _above(start, later, bins.pressure[stop:]):
         if not bins.opened[:stop].any():
             rest = np.abs(log.time - bins.time[stop - start.bins : stop].mean()) <= (start.seconds + _BIN) / 2.0
             # the median, because single samples may be none
             return VentedPressure(float(np.nanmedian(log["pressure_a"][rest])), max(start.std, _LEAST), closed=True)
         settled.append(start)
-    if later is not None and _possible(later, prior):
+    if later is not None and _possible(later, prior, vents=vents):
         settled.append(later)
     levels = [VentedPressure(level.mean, max(math.hypot(level.std, level.hidden), _LEAST)) for level in settled]
     return min(levels, key=lambda level: level.std, default=None)
+
+
+def sensor_zero(log: Log) -> tuple[float, str]:
+    """Zero error in Pa of the pressure sensor that is to be taken off, and a sentence of it; 0 where the prior holds.
+
+    A low rest of an absolute sensor without a stated ambient pressure is taken for altitude.
+
+    Examples
+    --------
+    A gauge sensor that shows 0.07 bar(g) before a stroke, with the exhaust valve open:
+
+    >>> t = np.arange(0.0, 2.0, 1e-3)
+    >>> stroke = {"pressure_a": 1.083e5 + 3e5 * (t > 1.0), "position": 0.02 * (t > 1.0)}
+    >>> gauge = {"pressure_a_unit": "bar(g)", "ambient_Pa": "101300.0"}
+    >>> log = Log(t, stroke | {"duty_supply": 1.0 * (t > 1.0), "duty_exhaust": 1.0 * (t <= 1.0)}, metadata=gauge)
+    >>> sensor_zero(log)[1]
+    "pressure_a settles at 0.070 bar(g) with the chamber vented: the sensor's zero is off by +0.070 bar; taken off."
+    """
+    prior, rest = vented_prior(log), vented_pressure(log)
+    if rest is None or abs(off := rest.mean - prior.mean) <= SIGNIFICANT * math.hypot(prior.std, rest.std):
+        return 0.0, ""
+    shown = f"{off * 1e-5:.3f} bar(g)" if _is_gauge(log) else f"{rest.mean * 1e-5:.3f} bar"
+    settles = f"pressure_a settles at {shown} with the chamber vented"
+    if off < (0.0 if prior is ABSOLUTE else -LARGEST_ZERO):
+        return 0.0, (
+            f"{settles}: by altitude, as a calibration takes it, or the sensor's zero is off by {off * 1e-5:+.2f} bar; "
+            "give the air pressure of the place, --ambient."
+        )
+    about = "about " if prior is ABSOLUTE else ""
+    than = "" if _is_gauge(log) else f", where the air has {about}{prior.mean * 1e-5:.4g} bar"
+    return off, f"{settles}{than}: the sensor's zero is off by {off * 1e-5:+.3f} bar; taken off."
+
+
+def without_zeros(logs: Sequence[Log]) -> list[Log]:
+    """Recordings without the zero errors of their pressure sensors.
+
+    Where one is off, each counts from its own rest if the ambient pressure is known, so that they share it.
+    """
+    zeros = [sensor_zero(log)[0] for log in logs]
+    for i, log in enumerate(logs if any(zeros) else ()):
+        prior, rest = vented_prior(log), vented_pressure(log)
+        if rest is not None and prior is not ABSOLUTE and abs(rest.mean - prior.mean) <= LARGEST_ZERO:
+            zeros[i] = rest.mean - prior.mean
+    return [
+        log.with_columns(pressure_a=log["pressure_a"] - zero) if zero else log
+        for log, zero in zip(logs, zeros, strict=True)
+    ]
 
 
 def lowest_pressure(log: Log) -> float:
@@ -272,13 +329,17 @@ def _pooled(rests: Sequence[_Level]) -> _Level:
     )  # fmt: skip
 
 
-def _possible(level: _Level, prior: VentedPrior) -> bool:
-    """Whether a level does not lie above its prior; below it, it is the prior that is wrong, for nothing evacuates."""
-    return level.mean - prior.mean <= SIGNIFICANT * math.hypot(prior.std, level.std)
+def _possible(level: _Level, prior: VentedPrior, *, vents: bool) -> bool:
+    """Whether a level lies no further above its prior than the offset of a sound sensor, or a zero where it vents.
+
+    Below its prior it is the prior that is wrong, for nothing evacuates.
+    """
+    zero = LARGEST_ZERO if vents else 0.0
+    return level.mean - prior.mean <= zero + SIGNIFICANT * math.hypot(prior.std, level.std)
 
 
-def _above(start: _Level, later: _Level | None, pressure: FloatArray) -> bool:
-    """Whether the rest at the start lies above later rests, or above a later pressure."""
+def _above(start: _Level, later: _Level | None, pressure: FloatArray, least: float = _LEAST) -> bool:
+    """Whether the rest at the start lies above later rests or a later pressure, by more than noise and `least`."""
     if later is not None:
         difference = math.hypot(start.std, later.std, later.hidden)
         if start.mean - later.mean > max(SIGNIFICANT * difference, _LEAST):
@@ -287,7 +348,7 @@ def _above(start: _Level, later: _Level | None, pressure: FloatArray) -> bool:
         means = _means(pressure, width)
         # the lowest of so many means lies below the mean of all
         extreme = SIGNIFICANT + math.sqrt(2.0 * math.log(max(means.size / width, 1.0)))
-        allowed = max(extreme * start.noise * math.sqrt(1.0 / start.bins + 1.0 / width), _LEAST)
+        allowed = max(extreme * start.noise * math.sqrt(1.0 / start.bins + 1.0 / width), least)
         if np.any(means < start.mean - allowed):
             return True
     return False

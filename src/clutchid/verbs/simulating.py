@@ -11,7 +11,7 @@ from clutchid.estimation.verification import starts_of
 from clutchid.log import Log
 from clutchid.simulation import Partition, Simulation, simulate
 from clutchid.strokes.values import values_of
-from clutchid.strokes.vented_pressure import with_ambient
+from clutchid.strokes.vented_pressure import with_ambient, without_zeros
 from clutchid.strokes.vented_rest import ZeroedLog
 from clutchid.verbs.reading import Reading
 
@@ -36,7 +36,8 @@ def simulated(
     from clutchid.inference.uncertainty.switching_band import switching_band
 
     checked = reading.checked(content.actuator, rest=content.rest)
-    rested = [content.from_rest(values_of(log, content.actuator).log) for log in checked]
+    values = without_zeros([values_of(log, content.actuator).log for log in checked])
+    rested = [content.from_rest(log) for log in values]
     recording, *others = [zeroed.log for zeroed in rested]
     simulation = _simulation(recording, content, partition)
     compared = [(other, _simulation(other, content, partition).log) for other in others]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
+from clutchid.measurements.source import VENTED_KEY
 from clutchid.model import Actuator, Load
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import respond, truck
@@ -242,6 +243,32 @@ def test_a_plateau_shows_the_supply_pressure(filled, check_of):
     assert "free it" in seen.sentence
     supplied = Actuator().replace({"P_S": float(seen.value.split()[0]) * 1e5})
     assert check_of(filled, "supply pressure", supplied).grade == "good"
+
+
+def test_a_zero_of_the_pressure_sensor_is_said_once_and_is_no_supply_pressure(check_of):
+    """0.25 bar are more than the 2 % of the supply pressure that its check allows."""
+    time = np.arange(6000) % 3000
+    vented = respond(truck(4), 1.0 * ((time > 300) & (time < 1200)), 1.0 * (time > 1250)).log
+    sound, zero = replace(vented, metadata={VENTED_KEY: repr(truck(4).P_0)}), 2.5e4
+    off = sound.with_columns(pressure_a=sound["pressure_a"] + zero)
+    assert check_of(sound, "vented pressure").grade == "good"
+    seen = check_of(off, "vented pressure")
+    assert seen.grade == "suspect"
+    assert ": the sensor's zero is off by +0.25" in seen.sentence
+    supplied = Actuator().replace({"P_S": truck(4).P_S})
+    bar = [float(check_of(log, "supply pressure", supplied).value.split()[0]) for log in (sound, off)]
+    assert bar[1] == pytest.approx(bar[0], abs=0.03)
+
+
+def test_low_air_of_an_absolute_sensor_is_altitude_or_its_zero(recorded, check_of):
+    log, words = recorded(5), "altitude, or its zero; --ambient decides"
+    by_pressure = {
+        bar: check_of(log.with_columns(pressure_a=log["pressure_a"] + 1e5 * bar - truck(5).P_0), "vented pressure")
+        for bar in (1.02, 0.93, 0.8)
+    }
+    assert [check.grade for check in by_pressure.values()] == ["good", "good", "suspect"]
+    assert [words in check.sentence for check in by_pressure.values()] == [False, True, False]
+    assert "by altitude, as a calibration takes it, or the sensor's zero is off by -0.2" in by_pressure[0.8].sentence
 
 
 def test_more_pressure_than_the_supply_has_is_bad(recorded, check_of):

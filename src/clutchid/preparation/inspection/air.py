@@ -13,7 +13,15 @@ from clutchid.parameters import DEFAULTS
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
 from clutchid.strokes.sampled import run_ends
-from clutchid.strokes.vented_pressure import UNSETTLED, remedy, vented_pressure, vented_prior
+from clutchid.strokes.vented_pressure import (
+    ABSOLUTE,
+    UNSETTLED,
+    remedy,
+    sensor_zero,
+    vented_pressure,
+    vented_prior,
+    without_zeros,
+)
 
 _PRESSURE_UNIT = "unit of pressure_a"
 
@@ -101,13 +109,19 @@ def _plausible(low: float, high: float, ambient: float, supply: float) -> bool:
 
 _VENTED_PRESSURE = "vented pressure"
 
+#: Pressure in Pa below which air at a rest is that of a place above the sea, or the sensor's zero is off.
+_LOW_AIR = 1e5
+
 
 def vented(reading: InspectedRecording) -> Check:
     """Whether the pressure settles at a vented rest, which the load of a calibration counts from."""
-    pressure = vented_pressure(reading.log)
-    shown = _with_std(*(pressure or vented_prior(reading.log))[:2])
+    pressure, prior = vented_pressure(reading.log), vented_prior(reading.log)
+    shown = _with_std(*(pressure or prior)[:2])
     if pressure is not None:
-        return Check(_VENTED_PRESSURE, shown, "good", f"at the vented rest the sensor shows {shown}.")
+        low = prior is ABSOLUTE and pressure.mean < _LOW_AIR
+        said = f"at the vented rest the sensor shows {shown}{': altitude, or its zero; --ambient decides' * low}."
+        _, off = sensor_zero(reading.log)
+        return Check(_VENTED_PRESSURE, shown, "suspect" if off else "good", off or said)
     sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {remedy([reading.log])}."
     return Check(_VENTED_PRESSURE, "not settled", "undetermined", sentence)
 
@@ -142,6 +156,8 @@ def supply_pressure(reading: InspectedRecording) -> Check:
             "the unit of the pressure or the sign of the position is wrong, so the supply pressure cannot be checked."
         )
         return Check(_SUPPLY_PRESSURE, "-", "undetermined", sentence)
+    (sound,) = without_zeros([reading.log])
+    reading = InspectedRecording(sound, reading.actuator)
     plateaus, nominal = _plateaus(reading), reading.actuator.parameters.P_S
     if plateaus.size:
         return _compared(float(np.median(plateaus)), plateaus.size, nominal)
