@@ -1,17 +1,22 @@
 """A whole fit: what is free, what a calibration leaves, and what is refused before the search."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from clutchid import parameter_file, read_parameters, write_parameters
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.calibrate import calibration_of, fit_with
+from clutchid.estimation.assess.comparison import comparison
+from clutchid.estimation.calibrate import calibration_of, fit_with, missed_load
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING
-from clutchid.inference.uncertainty.calibration import drift
+from clutchid.inference.uncertainty.calibration import MODEL_MISSES, drift
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.numerics.interval import QUANTILE
+from clutchid.verbs.start import read_calibration
 
 pytestmark = pytest.mark.slow
 
@@ -54,6 +59,88 @@ def test_the_covariance_of_the_load_is_in_the_order_of_its_weights_whatever_was_
     assert calibration.theta == calibrated.actuator.load.theta
     np.testing.assert_array_equal(calibration.theta_covariance, calibrated.calibration.theta_covariance)
     assert calibration.converged
+
+
+@pytest.fixture(scope="module")
+def missing(plant, short):
+    """A calibration of a pressure that the model cannot follow: 2 kPa at 20 Hz."""
+    swing = 2e3 * np.sqrt(2.0) * np.sin(2 * np.pi * 20.0 * short.time)
+    log = short.with_columns(pressure_a=short["pressure_a"] + swing)
+    return fit_with(SHOOTING, [log], plant, FitRequest(BOTH, ("load", "C_vs")))
+
+
+def half_by_data(calibrated):
+    """Half width of the band that the covariance of the weights makes."""
+    load, curve = calibrated.actuator.load, calibrated.load_curve
+    phi = load.phi(curve.position)
+    return QUANTILE * np.sqrt(np.einsum("ni,ij,nj->n", phi, calibrated.calibration.theta_covariance, phi))
+
+
+def test_the_band_of_a_calibration_has_what_the_model_misses_once_and_says_so(missing):
+    curve, missed = missing.load_curve, missing.calibration.missed
+    by_pressure, by_peak = (
+        MODEL_MISSES.pressure * missing.actuator.parameters.A_A * 2e3,
+        MODEL_MISSES.peak * curve.force.max(),
+    )
+    assert missed == pytest.approx(np.hypot(by_pressure, by_peak), rel=0.1)
+    half = np.hypot(half_by_data(missing), QUANTILE * missed)
+    assert curve.high - curve.force == pytest.approx(half, rel=1e-9)
+    assert curve.force - curve.low == pytest.approx(half, rel=1e-9)
+    assert [f"includes {QUANTILE * missed:.0f} N (" in note for note in missing.notes].count(True) == 1
+    weights = [missing.parameters[name] for name in missing.actuator.load.names]
+    variance = np.diag(missing.calibration.theta_covariance)
+    assert [weight.std for weight in weights] == pytest.approx(np.sqrt(variance)), "weights have the data's own"
+
+
+def test_what_the_model_misses_is_as_large_as_the_error_of_the_pressure_that_lasts(calibrated):
+    (recording,) = calibrated.recordings.values()
+    rng, area = np.random.default_rng(0), calibrated.actuator.parameters.A_A
+    sizes = []
+    for slow in (0.0, 2e3, 4e3):  # Pa, over 20 ms and more
+        lasting = slow * np.sqrt(2.0) * np.sin(2 * np.pi * 5.0 * recording.measured.time)
+        error = lasting + 500.0 * rng.standard_normal(lasting.size)
+        log = recording.measured.with_columns(pressure_a=recording.simulated["pressure_a"] + error)
+        sensed = replace(calibrated.actuator.replace({"tau_p": 0.0, "e_p": 0.0}))
+        fit = replace(calibrated, actuator=sensed, recordings={"log": replace(recording, measured=log)})
+        by_pressure = np.sqrt(missed_load(fit) ** 2 - (MODEL_MISSES.peak * fit.load_curve.force.max()) ** 2)
+        sizes.append(by_pressure / (MODEL_MISSES.pressure * area))
+    # the correlation of 6000 samples is known to 0.013, of the white 500 Pa therefore 57 Pa may look like it
+    assert sizes[0] < 3**0.5 * 57.0
+    assert sizes[1:] == pytest.approx([2e3, 4e3], rel=0.02)
+
+
+def test_a_reading_is_the_same_whatever_the_model_misses_of_its_calibration(calibrated, adapted, worn_log):
+    more = replace(calibrated.calibration, missed=100.0)
+    request = FitRequest(("position",), ("load",), calibration=more)
+    fit = fit_with(SHOOTING, [worn_log], calibrated.actuator, request)
+    assert np.array_equal(fit.load_curve.table(), adapted.load_curve.table())
+    assert fit.parameters == adapted.parameters
+    assert fit.verdict == adapted.verdict
+    now, before = comparison(fit), comparison(adapted)
+    for name in ("difference", "shift", "half_now"):
+        np.testing.assert_array_equal(getattr(now, name), getattr(before, name))
+    wide, usual = ((of.calibrated.high - of.calibrated.low) / 2 for of in (now, before))
+    more = QUANTILE**2 * (100.0**2 - calibrated.calibration.missed**2)
+    assert wide == pytest.approx(np.sqrt(usual**2 + more), rel=1e-9), "the band of the calibrated load has it"
+    assert now.half_before.high - now.half_before.low > before.half_before.high - before.half_before.low
+
+
+def test_on_the_model_s_own_data_the_pressure_misses_nothing(calibrated):
+    assert calibrated.calibration.missed == pytest.approx(
+        MODEL_MISSES.peak * calibrated.load_curve.force.max(), rel=1e-9
+    )
+
+
+def test_a_calibration_in_a_file_has_the_band_that_it_was_printed_with(missing, tmp_path):
+    path = tmp_path / "cal.toml"
+    write_parameters(parameter_file(missing), path)
+    _, curve = read_calibration(path)
+    assert curve.table() == pytest.approx(missing.load_curve.table(), rel=1e-9)
+    assert read_parameters(path).calibration.missed == missing.calibration.missed
+    older = re.sub(r"(?m)^missed = .*\n", "", path.read_text(encoding="utf-8"))
+    path.write_text(older, encoding="utf-8")
+    _, curve = read_calibration(path)
+    assert (curve.high - curve.low) / 2 == pytest.approx(half_by_data(missing), rel=1e-9), "it has the data's own"
 
 
 def test_a_worn_fit_carries_the_calibration_on_to_the_next(calibrated, worn_log):

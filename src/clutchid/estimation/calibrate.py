@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.assess.evidence import diagnosed, has_position, reach
 from clutchid.estimation.automatic import automatic
 from clutchid.estimation.departure import departure, relative_misfit
 from clutchid.estimation.filtered_load import load_per_supply, with_filtered_load
@@ -18,7 +19,7 @@ from clutchid.estimation.request import Continuation, FitRequest, FreeParameters
 from clutchid.estimation.result import Change, Departure, Fit
 from clutchid.estimation.verification import on_samples, with_slow_logs
 from clutchid.inference.problem import Problem
-from clutchid.inference.uncertainty.calibration import Calibration, calibrated_deviation
+from clutchid.inference.uncertainty.calibration import MODEL_MISSES, Calibration, calibrated_deviation
 from clutchid.inference.uncertainty.conditions import (
     CONDITIONS,
     RecordedConditions,
@@ -32,6 +33,7 @@ from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import ParameterName, base_of
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.progress import Progress, report_stage
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.strokes.travel import merged_travels, travel_of
@@ -98,7 +100,7 @@ def _with_calibration(
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
     from clutchid.observer.recording import usual_nis  # on use: readings do without an observer
 
-    calibration = calibration_of(result, actuator)
+    calibration = replace(calibration_of(result, actuator), missed=missed_load(result))
     simulated = [result.recordings[log.name].simulated for log in logs]
     conditions = with_estimated_supply(conditions, logs, simulated)
     # without the conditions, so that the errors hold for readings of recordings that lack them
@@ -106,7 +108,33 @@ def _with_calibration(
     errors = position_only_errors(method, logs, result.actuator, calibration, start, progress)
     calibration = replace(calibration, position_only=errors, conditions=conditions)
     report_stage(progress, "innovations")
-    return replace(result, calibration=replace(calibration, nis=usual_nis(result.actuator, calibration, logs)))
+    calibration = replace(calibration, nis=usual_nis(result.actuator, calibration, logs))
+    return _with_missed(replace(result, calibration=calibration))
+
+
+def missed_load(result: Fit) -> float:
+    """Standard deviation in N of what the model misses of the load of a calibration, see `ModelMisses`."""
+    residuals = [diagnosed(result, name).columns for name, r in result.recordings.items() if has_position(r)]
+    parts = [columns["pressure_a"].autocorrelated for columns in residuals if "pressure_a" in columns] or [0.0]
+    force = result.actuator.parameters.A_A * np.sqrt(np.mean(np.square(parts)))
+    return float(np.hypot(MODEL_MISSES.peak * _peak(result), MODEL_MISSES.pressure * force))
+
+
+def _peak(result: Fit) -> float:
+    """Greatest load within the reach in N."""
+    return float(result.load_curve.force[result.load_curve.peak(reach(result))])
+
+
+def _with_missed(result: Fit) -> Fit:
+    """A calibration with what the model misses in the band of its load, and a note of it."""
+    assert result.calibration is not None, "only the band of a calibration has it"
+    half = QUANTILE * result.calibration.missed
+    share = 100 * half / max(_peak(result), 1.0)
+    note = (
+        f"± of the load includes {half:.0f} N ({share:.1f} % of the peak) for what the model misses, by virtual trucks "
+    )
+    note += "and the residual of the pressure; ± of its weights, and later readings, are without it."
+    return replace(result, load_curve=result.load_curve.widened(half), notes=(*result.notes, note))
 
 
 def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreeParameters) -> Fit:

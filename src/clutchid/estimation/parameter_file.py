@@ -51,7 +51,7 @@ _FORMAT = 1
 #: Fields of a calibration in its section, in this order.
 _CALIBRATED = (
     "names", "covariance", "converged", "theta", "theta_covariance", "origin", "conditions", "nis", "rest",
-    "vented", "travel", "position_only",
+    "vented", "travel", "missed", "position_only",
 )  # fmt: skip
 
 #: Values of missing entries of a section, beside the defaults of its record: there may be no level, and a
@@ -79,6 +79,7 @@ _RULES = {
     "converged": Rule(f"true or false is needed{_AGAIN}"),
     "vented": Rule(f"true or false is needed{_AGAIN}"),
     "nis": Rule(f"a number above 0 is needed{_AGAIN}", lambda nis: 0.0 < nis < math.inf),
+    "missed": Rule(f"a number of N, 0 or above, is needed{_AGAIN}", lambda missed: 0.0 <= missed < math.inf),
     "conditions": Rule(
         f"temperature in K, supply and supply_estimated in Pa, above 0, are allowed{_AGAIN}",
         lambda conditions: all(value is None or 0.0 < value < math.inf for value in conditions),

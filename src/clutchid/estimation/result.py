@@ -452,7 +452,10 @@ def fitted_curve(
 
 
 def calibrated_curve(actuator: Actuator, calibration: Calibration) -> LoadCurve | None:
-    """The load of a calibration with its 95 % interval, on the basis of `actuator`; None if it has none."""
+    """The load of a calibration on the basis of `actuator`, with its 95 % interval by the data; None if it has none.
+
+    What the model misses, `calibration.missed`, is not in it.
+    """
     load = actuator.load
     if len(calibration.theta) != len(load.theta):
         return None

@@ -66,14 +66,11 @@ def with_slow_logs(fit: Fit, logs: Sequence[Log]) -> Fit:
         if by > 0.0:
             below, above = (float(np.hypot(side, QUANTILE * by)) for side in (e.value - e.low, e.high - e.value))
             estimates[name] = replace(e, std=float(np.hypot(e.std, by)), low=e.value - below, high=e.value + above)
-    by_slow = QUANTILE * MISSED * curve.force
-    low = curve.force - np.hypot(curve.force - curve.low, by_slow)
-    high = curve.force + np.hypot(curve.high - curve.force, by_slow)
     return replace(
         fit,
         parameters=estimates,
         covariance=fit.covariance + np.outer(missed, missed),
-        load_curve=replace(curve, low=low, high=high),
+        load_curve=curve.widened(QUANTILE * MISSED * curve.force),
     )
 
 

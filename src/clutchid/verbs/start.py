@@ -91,6 +91,7 @@ def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
         If it cannot be understood, or has none.
     """
     from clutchid.estimation.result import calibrated_curve
+    from clutchid.numerics.interval import QUANTILE
 
     content = read_parameters(path)
     if content.calibration is None:
@@ -98,7 +99,8 @@ def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
             f"{path}: is a parameter file without a calibration; a calibration is written by "
             "`clutchid calibrate --save CAL.toml`."
         )
-    return content.origin, calibrated_curve(content.actuator, content.calibration)
+    by_data = calibrated_curve(content.actuator, content.calibration)
+    return content.origin, by_data and by_data.widened(QUANTILE * content.calibration.missed)
 
 
 def calibration_file(path: Path) -> ParameterFile:

@@ -12,8 +12,9 @@ from clutchid.estimation import Estimate, LoadCurve
 from clutchid.estimation.assess.evidence import actuator_of, as_recorded, evidence, predicted_fit, reach
 from clutchid.estimation.assess.reasons import ambient_reasons
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.inference.uncertainty.calibration import Origin
+from clutchid.inference.uncertainty.calibration import Calibration, Origin
 from clutchid.log import Log
+from clutchid.numerics.interval import QUANTILE
 from clutchid.simulation.sensors import lagged
 from clutchid.strokes.vented_pressure import VENTED_KEY
 from fixtures.baselines import ORIGIN, with_baseline
@@ -153,6 +154,22 @@ def test_a_residual_that_follows_a_valve_and_is_more_than_the_band_is_a_reason(f
     own = {"C_vs": Estimate(1.9e-8, "m³/(Pa·s)", 1e-11, 1.89e-8, 1.91e-8)}
     fixed = replace(fitted, parameters=own, covariance=np.array([[1e-22]]))
     assert "interval" not in reasons(shifted(fixed, "pressure_a", slow * 3 * width / area / rms))
+
+
+@pytest.mark.parametrize("factor", [0.3, 3.0])
+def test_a_residual_is_compared_with_the_band_of_a_calibration_by_its_data_alone(fitted, factor):
+    duty = fitted.recordings["drive"].measured["duty_supply"]
+    slow = np.convolve(duty, np.ones(20) / 20)[: duty.size]
+    width = float(np.median(fitted.load_curve.high - fitted.load_curve.low))
+    size = factor * width / fitted.actuator.parameters.A_A / float(np.sqrt(np.mean(slow**2)))
+    alone = shifted(fitted, "pressure_a", slow * size)
+    calibration = Calibration((), np.zeros((0, 0)), missed=5.0 * width)
+    wide = replace(alone, calibration=calibration, load_curve=alone.load_curve.widened(QUANTILE * calibration.missed))
+    by_data, plain = reasons(wide), reasons(alone)
+    assert ("residual of pressure_a" in by_data) == ("residual of pressure_a" in plain) == (factor > 1.0)
+    if factor > 1.0:
+        assert f"more than the width of the interval by the data alone, {width:.0f} N: the model errs there" in by_data
+        assert f"more than the width of the interval, {width:.0f} N: the interval is too narrow" in plain
 
 
 def test_a_band_broader_than_a_tenth_of_the_peak_is_a_reason(fitted):

@@ -136,15 +136,18 @@ def comparison(fit: Fit) -> Comparison | None:
     Notes
     -----
     The intervals of both loads are treated as independent, which makes that of the difference too wide rather than too
-    narrow: an error of the calibrated parameters changes both in the same direction.
+    narrow: an error of the calibrated parameters changes both in the same direction. What the model misses of a
+    calibration is in the band of `calibrated`, and not in that of the difference, because both loads have that error.
     """
     if fit.baseline is None or fit.status == "failed" or not fit.load_is_fitted:
         return None
-    calibrated, present, furthest = calibrated_curve(fit.actuator, fit.baseline), fit.load_curve, reach(fit)
-    if calibrated is None:
+    by_data, present, furthest = calibrated_curve(fit.actuator, fit.baseline), fit.load_curve, reach(fit)
+    if by_data is None:
         return None
-    before, now = half_load_band(calibrated, furthest), half_load_band(present, furthest)
-    return Comparison(calibrated, present, _difference(calibrated, present), before, now, _shift(before, now), furthest)
+    calibrated, now = by_data.widened(QUANTILE * fit.baseline.missed), half_load_band(present, furthest)
+    shift = _shift(half_load_band(by_data, furthest), now)
+    before = half_load_band(calibrated, furthest)
+    return Comparison(calibrated, present, _difference(by_data, present), before, now, shift, furthest)
 
 
 def _difference(calibrated: LoadCurve, present: LoadCurve) -> LoadDifference:

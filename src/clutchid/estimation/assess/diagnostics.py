@@ -69,6 +69,11 @@ class ColumnDiagnosis:
     slow: Colour
     regions: tuple[RegionError, ...]
 
+    @property
+    def autocorrelated(self) -> float:
+        """Rms of the autocorrelated part, that which neighbouring samples share."""
+        return self.rms * float(np.sqrt(max(np.nan_to_num(self.fast.first), 0.0)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:

@@ -261,12 +261,11 @@ class _Residual(NamedTuple):
 
 def valve_reasons(fit: Fit, evidence: Evidence) -> list[Reason]:
     """Residuals that correspond to a load larger than the width of the interval."""
-    width = _width(fit)
+    (width, interval), so = _width(fit), "the model errs there" if _missed(fit) else "the interval is too narrow"
     return [
         Reason(
             f"{residual.recording}: the residual of {residual.column} is autocorrelated, correlates with a valve and "
-            f"corresponds to a load of {residual.load:.0f} N, more than the width of the interval, {width:.0f} N: the "
-            "interval is too narrow."
+            f"corresponds to a load of {residual.load:.0f} N, more than the width of {interval}, {width:.0f} N: {so}."
         )
         for residual in _residuals(fit, evidence, 0.0)
         if residual.load > width
@@ -275,14 +274,14 @@ def valve_reasons(fit: Fit, evidence: Evidence) -> list[Reason]:
 
 def valve_notes(fit: Fit, evidence: Evidence) -> list[str]:
     """The others that `clutchid.estimation.assess.diagnostics.remarks` names: the load does not suffer."""
-    width, notes = _width(fit), []
+    (width, interval), notes = _width(fit), list[str]()
     for residual in _residuals(fit, evidence, LEAST_CORRELATION):
         what = f"{residual.recording}: the residual of {residual.column} correlates with a valve"
         if residual.column == "position" and fit.follows:
             notes.append(f"{what}: no reason against the load, because the position follows the measurement.")
         elif residual.load <= width:
             notes.append(
-                f"{what} and corresponds to a load of {residual.load:.0f} N, within the width of the interval, "
+                f"{what} and corresponds to a load of {residual.load:.0f} N, within the width of {interval}, "
                 f"{width:.0f} N: no reason against the load."
             )
     return notes
@@ -295,10 +294,16 @@ def _inside(fit: Fit) -> NDArray[np.bool_]:
     return inside & fit.load_is_fitted
 
 
-def _width(fit: Fit) -> float:
-    """Median width of the interval of the load in N; NaN without one."""
-    width = (fit.load_curve.high - fit.load_curve.low)[_inside(fit)]
-    return float(np.median(width)) if width.size > 1 else float("nan")
+def _missed(fit: Fit) -> float:
+    """Standard deviation in N of what the model misses, which the interval of a calibration has."""
+    return fit.calibration.missed if fit.calibration and fit.calibration is not fit.baseline else 0.0
+
+
+def _width(fit: Fit) -> tuple[float, str]:
+    """Median width of the interval of the load in N, of a calibration by its data alone, and its name; NaN without."""
+    width, missed = (fit.load_curve.high - fit.load_curve.low)[_inside(fit)], 2 * QUANTILE * _missed(fit)
+    name = f"the interval{' by the data alone' if missed else ''}"
+    return (float(np.median(np.sqrt(np.maximum(width**2 - missed**2, 0.0)))) if width.size > 1 else float("nan")), name
 
 
 def _residuals(fit: Fit, evidence: Evidence, least: float) -> list[_Residual]:
@@ -319,8 +324,7 @@ def _residuals(fit: Fit, evidence: Evidence, least: float) -> list[_Residual]:
 def _autocorrelated(residual: ColumnDiagnosis) -> float:
     """Rms of the autocorrelated part of a residual in SI; 0 if it looks white."""
     share = max(np.nan_to_num(rate.share_outside) for rate in (residual.fast, residual.slow))
-    first = max(np.nan_to_num(residual.fast.first), 0.0) if share > MOST_OUTSIDE else 0.0
-    return residual.rms * float(np.sqrt(first))
+    return residual.autocorrelated if share > MOST_OUTSIDE else 0.0
 
 
 def _correlates_with_valve(residual: ColumnDiagnosis, least: float) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,11 @@ class LoadCurve:
     def table(self) -> FloatArray:
         """Position, force, and the ends of its interval as columns, shape (n, 4)."""
         return np.column_stack([self.position, self.force, self.low, self.high])
+
+    def widened(self, by: FloatArray | float) -> LoadCurve:
+        """This load with an interval that has another independent error, of the half width `by` in N."""
+        low = self.force - np.hypot(self.force - self.low, by)
+        return replace(self, low=low, high=self.force + np.hypot(self.high - self.force, by))
 
     def peak(self, furthest: float) -> int:
         """Index of the greatest load up to position `furthest` in m, among points with an interval if any has one."""
