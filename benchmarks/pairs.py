@@ -141,6 +141,7 @@ def read(folder: Path, item: Item) -> dict[str, Any]:
     content |= {"seconds": time.process_time() - begin, "status": result.status, "evaluations": result.evaluations}
     content |= verdict_of(result) | load_of(result, once, truth.load(GRID), GRID)
     if explanations:
+        content["searches"] = [[e.solution.status, e.solution.evaluations] for e in explanations.values()]
         content |= evidence_of(explanations, once, log)
         content["nis"] = observed(log, once)
     return rounded(content)
@@ -429,6 +430,28 @@ def rules(folder: Path, read_: Sequence[dict[str, Any]]) -> Iterator[str]:
         yield f"chi-square beyond {level:g}: {', '.join(counts)}"
 
 
+def searches(folder: Path, read_: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """A line a kind of search: how many there are, and the most evaluations until one had converged."""
+    from clutchid.estimation.parameter_file import read_parameters
+
+    ends = [read_parameters(path).continuation.state for path in sorted(folder.glob("*_?????.toml"))]
+    counted = [reading["searches"] for reading in read_ if "searches" in reading]
+    every = [search for reading in counted for search in reading]
+    whole = [
+        ["converged" if {status for status, _ in reading} == {"converged"} else "limit", sum(n for _, n in reading)]
+        for reading in counted
+    ]
+    calibrations = [[end.status, end.evaluations] for end in ends]
+    kinds = ("calibrations", calibrations), ("searches of readings", every), ("readings, all their searches", whole)
+    for name, of_kind in kinds:
+        converged = sorted(count for status, count in of_kind if status == "converged")
+        if converged:
+            usual = converged[len(converged) // 2]
+            yield f"{name}: {len(of_kind)}, {len(converged)} converged, after {usual} evaluations in the median, "
+            others = sorted(count for status, count in of_kind if status != "converged")
+            yield f"    {converged[-1]} at most; the others ended after {others}"
+
+
 def analyse(folder: Path) -> None:
     """Print what the stored readings show."""
     every = stored(folder / "readings.jsonl")
@@ -441,6 +464,8 @@ def analyse(folder: Path) -> None:
     ):
         print(line)
     print(f"{len(refused)} refused: {sorted({reading['key'] for reading in refused})}\n")
+    for line in searches(folder, readings):
+        print(line)
     for line in rules(folder, readings):
         print(line)
 

@@ -186,7 +186,7 @@ def test_a_hypothesis_whose_search_fails_is_left_out(calibrated, logs):
     calibration, free = calibrated.calibration, FreeParameters(calibrated.actuator.load.names, ("position",))
     search, tried = shoot([logs["cold"]], calibrated.actuator, free, calibration), []
 
-    def refine(result, problem, x):
+    def refine(result, problem, x, progress):
         tried.append(problem)
         return replace(result, solution=Failure("no"))
 
@@ -226,3 +226,24 @@ def test_a_problem_with_pressure_has_no_prior_of_changes(calibrated, drive_log):
 def test_probabilities_of_far_odds_are_finite():
     assert softmax([-1e4, 0.0, 1e4]).tolist() == [0.0, 0.0, 1.0]
     assert softmax([3.0, 3.0 + np.log(3.0)]) == pytest.approx([0.25, 0.75])
+
+
+@pytest.mark.slow
+def test_all_searches_of_a_reading_together_end_at_their_limit_and_the_best_is_said_not_to_have_converged(
+    calibrated, logs, monkeypatch
+):
+    actuator, calibration, reported = calibrated.actuator, calibrated.calibration, []
+    first = shoot([logs["cold"]], actuator, FreeParameters(actuator.load.names, ("position",)), calibration)
+    whole = first.solution.evaluations + 6
+    monkeypatch.setattr("clutchid.estimation.shooting.MOST_TOGETHER", whole)
+    request = FitRequest(("position",), ("load",), calibration=calibration)
+    reading = fit_with(SHOOTING, [logs["cold"]], actuator, request, reported.append)
+    assert not reading.converged
+    assert reading.message == f"stopped after {reading.evaluations} evaluations, not converged: its budget is used up"
+    assert first.solution.evaluations < reading.evaluations <= whole
+    counted = [
+        step for step in reported if step.stage in ("coarse search", "fine search", "changes") and step.evaluations
+    ]
+    assert {step.most for step in counted} == {whole}
+    assert max(step.evaluations for step in counted) <= whole
+    assert any(step.stage == "changes" for step in counted)

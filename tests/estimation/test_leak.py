@@ -10,7 +10,7 @@ from clutchid.estimation.assess.reasons import departs
 from clutchid.estimation.calibrate import fit_with
 from clutchid.estimation.request import FitRequest, FreeParameters
 from clutchid.estimation.shooting import SHOOTING, shoot
-from clutchid.inference.smoother.search import UNLIMITED
+from clutchid.inference.smoother.search import USUAL_EFFORT
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.model import Actuator, Load
 from clutchid.wear.history import leak_of
@@ -75,7 +75,7 @@ def test_only_the_search_of_a_load_from_position_alone_ends_early(calibrated, wo
     names, with_pressure = calibrated.actuator.load.names, recorded_by(worn, seconds=3.0, seed=5, name="worn", driven=1)
     both = FreeParameters(names, ("position", "pressure_a"))
     search = shoot([with_pressure], calibrated.actuator, both, calibrated.calibration)
-    assert search.effort == UNLIMITED
+    assert search.effort == USUAL_EFFORT
     alone = shoot([leaking_log], calibrated.actuator, FreeParameters(names, ("position",)), calibrated.calibration)
     assert alone.effort.most == module.MOST_EVALUATIONS
 

@@ -8,7 +8,7 @@ import pytest
 from clutchid.estimation import shooting as module
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.shooting import MODEL_MEMORY, SHOOTING, shoot
-from clutchid.inference.smoother.search import UNLIMITED
+from clutchid.inference.smoother.search import USUAL_EFFORT
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -143,7 +143,7 @@ def test_a_search_that_stalls_at_the_same_cost_from_new_states_has_converged(mon
     monkeypatch.setattr(
         module, "search", lambda *_: Solution(np.zeros(1), SimpleNamespace(cost=next(left), X=()), "stalled", 7)
     )
-    solution = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), UNLIMITED, None)
+    solution = module._fine(SimpleNamespace(stems=()), np.zeros(1), (), USUAL_EFFORT, None)
     assert (solution.at.cost, solution.status) == (cost, status)
     assert tuple(start.cost for start in solution.starts) == costs
     assert [start.name for start in solution.starts[:2]] == ["initial values", "new states 1"]

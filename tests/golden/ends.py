@@ -91,9 +91,9 @@ class Recorder:
             self.ends.append(end_of(f"search of {method.name}", result.problem, result.solution))
             return result
 
-        def refine(result: SearchResult, problem: Problem, x: Any) -> SearchResult:
+        def refine(result: SearchResult, problem: Problem, x: Any, progress: Any) -> SearchResult:
             assert method.changes
-            result = method.changes.refine(result, problem, x)
+            result = method.changes.refine(result, problem, x, progress)
             self.ends.append(end_of("search with a change", problem, result.solution))
             return result
 
@@ -176,7 +176,7 @@ class Replay:
                 )
             return result
 
-        def refine(result: SearchResult, problem: Problem, x: Any) -> SearchResult:
+        def refine(result: SearchResult, problem: Problem, x: Any, progress: Any) -> SearchResult:
             end = self._next("search with a change", problem)
             return replace(result, problem=problem, solution=solution(problem, end))
 

@@ -147,9 +147,10 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         yield lambda _text, _fraction: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()  # the words say the time left
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
         yield lambda text, fraction: bar.update(
             task, description=f"{title}: {text}", total=1.0 if fraction >= 0 else None, completed=max(fraction, 0.0)

@@ -166,7 +166,7 @@ def _searched(
     if isinstance(search_result.solution, Failure):
         return search_result, (), None
     report_stage(progress, "changes")
-    explanations = explained(search_result, method.changes, calibration)
+    explanations = explained(search_result, method.changes, calibration, progress)
     cost = min(explanation.solution.at.cost for explanation in explanations.values())
     best = explanations[most_probable(explanations, calibration)]
     problem = best.result.problem

@@ -9,14 +9,15 @@ from types import MappingProxyType
 from typing import Literal
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.estimation.assess.verdict import nothing_in_common
 from clutchid.estimation.automatic import AUTOMATIC
-from clutchid.estimation.calibrate import fit_with
+from clutchid.estimation.calibrate import fit_with, free_parameters
 from clutchid.estimation.causes import with_causes
 from clutchid.estimation.method import Method
 from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
-from clutchid.estimation.shooting import SHOOTING
+from clutchid.estimation.shooting import MOST_TOGETHER, SHOOTING
 from clutchid.estimation.simulation_error import SIMULATION
 from clutchid.estimation.verification import on_samples, verified, with_rests
 from clutchid.log import Log
@@ -50,13 +51,13 @@ def fit_request(
     """Fit `request` to recordings by one of `methods`, and simulate the recordings `verify` with the result.
 
     Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
-    meant for one state of wear. With `seek_causes`, faults of the inputs are compared where a reading is not explained
-    by its calibration. Status "failed" if the start values cannot be simulated.
+    meant for one state of wear of one vehicle. With `seek_causes`, faults of the inputs are compared where a reading is
+    not explained by its calibration. Status "failed" if the start values cannot be simulated.
 
     Raises
     ------
     DataError, ParameterError
-        As `fit`.
+        As `fit`; also where recordings read one by one are of two vehicles, for which a search of all has no end.
     """
     request = request.completed()
     start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
@@ -72,6 +73,11 @@ def fit_request(
     recordings, others = [rest.log for rest in rested], [rest.log for rest in checked]
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start, methods)
+    readings = {}
+    from_position = request.calibration and request.calibration.theta and request.measure == ("position",)
+    if len(recordings) > 1 and from_position and free_parameters(recordings, start, request)[1].reads_load(start):
+        readings = _one_by_one(ready, start, request, progress, methods)
+        DataError.raise_for(filter(None, [nothing_in_common(readings)]))
     result = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
     if result.status == "failed":
         return result
@@ -84,7 +90,8 @@ def fit_request(
         report_stage(progress, "causes")
         result = with_causes(result, recordings[0], start, request.calibration, read)
     calibrated = result.baseline is not None and len(result.baseline.theta) > 0 and result.load_is_fitted
-    readings = _one_by_one(ready, start, request, progress, methods) if len(recordings) > 1 and calibrated else {}
+    if len(recordings) > 1 and calibrated and not readings:
+        readings = _one_by_one(ready, start, request, progress, methods)
     report_stage(progress, "verification")
     whole = {log.name: on_samples(result.recordings[log.name], log) for log in recordings}
     return with_rests(
@@ -134,8 +141,8 @@ def _one_by_one(
 ) -> dict[str, Fit]:
     """The recordings read alone, by name, without those that cannot be."""
     readings = {}
-    for log in recordings:
+    for left, log in zip(reversed(range(len(recordings))), recordings, strict=True):
         with suppress(DataError):  # too short to be read alone
-            alone = request.alone(log.name)
-            readings[log.name] = fit_request([log], start, alone, (), within_stage(progress, "alone"), methods)
+            alone, shown = request.alone(log.name), within_stage(progress, "alone", more=left * MOST_TOGETHER)
+            readings[log.name] = fit_request([log], start, alone, (), shown, methods)
     return {name: reading for name, reading in readings.items() if reading.status != "failed"}

@@ -7,7 +7,7 @@ first judged by the linearisation of the most probable one so far; a search foll
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
+from clutchid.numerics.progress import Progress, within_stage
 from clutchid.parameters import GROUPS, Row
 
 #: A hypothesis is searched if its probability may be above this.
@@ -60,8 +61,12 @@ class Explanation:
 Explanations = Mapping[Hypothesis, Explanation]
 
 
-def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibration) -> dict[Hypothesis, Explanation]:
+def explained(
+    result: SearchResult, method: ChangeFunctions, calibration: Calibration, progress: Progress | None = None
+) -> dict[Hypothesis, Explanation]:
     """Explanations under every hypothesis that may matter, from the search that assumed no change.
+
+    Where all searches together have had their evaluations, the best one has not converged.
 
     Parameters
     ----------
@@ -71,23 +76,32 @@ def explained(result: SearchResult, method: ChangeFunctions, calibration: Calibr
         How a search goes on under another hypothesis.
     calibration : Calibration
         Its errors from position alone are what a hypothesis explains without any change.
+    progress : function(step), optional
+        Called at each evaluation with their number in all searches.
     """
     none: Hypothesis = ()
     dispersion = calibration.position_only.dispersion if calibration.position_only else 1.0
     explanations = {none: explanation(result, dispersion)}
+    count = explanations[none].solution.evaluations
     failed: set[Hypothesis] = set()
     while True:
         best = most_probable(explanations, calibration)
+        start = explanations[best]
+        if count >= result.effort.whole:
+            ended = replace(start.solution, status="limit", evaluations=count)
+            return explanations | {best: replace(start, solution=ended)}
         candidate = _candidate(explanations, best, failed, calibration)
         if candidate is None:
             return explanations
-        start, step = explanations[best], explanations[best].under(candidate).step
+        step = start.under(candidate).step
         problem = with_hypothesis(start.result.problem, candidate)
         x = np.clip(start.solution.x + step, *problem.bounds())
-        again = method.refine(start.result, problem, x)
+        limited = replace(start.result, effort=result.effort.after(count))
+        again = method.refine(limited, problem, x, within_stage(progress, "changes", count))
         if isinstance(again.solution, Failure):
             failed.add(candidate)
         else:
+            count += again.solution.evaluations
             explanations[candidate] = explanation(again, dispersion)
 
 

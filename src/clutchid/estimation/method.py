@@ -18,7 +18,7 @@ from clutchid.estimation.result import (
     plan_warnings,
 )
 from clutchid.inference.problem import Problem
-from clutchid.inference.smoother.search import UNLIMITED, Effort
+from clutchid.inference.smoother.search import USUAL_EFFORT, Effort
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
@@ -42,13 +42,13 @@ class SearchResult:
     """The problem of a fit, and the solution of its search, or the reason why it could not start.
 
     `posterior` is that over all hypotheses about changes, where they were weighed; `effort` says when a search by
-    multiple shooting ends that gets nowhere.
+    multiple shooting ends that does not converge.
     """
 
     problem: Problem
     solution: Solution[Any] | Failure
     posterior: Mixture | None = None
-    effort: Effort = UNLIMITED
+    effort: Effort = USUAL_EFFORT
 
 
 class MethodResult(NamedTuple):
@@ -73,7 +73,7 @@ class ChangeFunctions:
     belong to it. Both iterate, and end in `Method.evaluated`.
     """
 
-    refine: Callable[[SearchResult, Problem, FloatArray], SearchResult]
+    refine: Callable[[SearchResult, Problem, FloatArray, Progress | None], SearchResult]
     settle: Callable[[Problem, Solution[Any], FloatArray], Solution[Any] | Failure]
 
 

@@ -172,7 +172,7 @@ def search(
         nonlocal count, cost
         count += 1
         if progress:
-            progress(Step(stage, count, cost))
+            progress(Step(stage, count, cost, before + 1 + rounds * (_MAX_EVALUATIONS + _MAX_REJECTED)))
         prediction = predict_errors(problem, at, fixed_gains)
         if isinstance(prediction, Prediction):
             cost = float(prediction.cost)

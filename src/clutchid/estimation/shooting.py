@@ -22,7 +22,7 @@ from clutchid.inference.smoother.search import (
     FINE_STAGE,
     STAGES_FROM_CALIBRATION,
     STAGES_FROM_PRIOR,
-    UNLIMITED,
+    USUAL_EFFORT,
     Begin,
     Effort,
     ShootingSolution,
@@ -83,11 +83,12 @@ MODEL_MEMORY = 0.01
 #: Most restarts of a search that stalls, and the share of the cost within which two of them have arrived at the same.
 _MAX_RESTARTS, _SAME_COST = 4, 3e-3
 
-#: Most evaluations of each search of a reading. The search without a change ends after `_PATIENCE` if its cost is above
-#: `HOPELESS` times that of the calibration recordings; those with a change go on from there. Of changed trucks none
-#: took more than 184 evaluations, or cost more than 3.2 times as much (docs/derivations.md, "Changes since the
-#: calibration").
-MOST_EVALUATIONS, _PATIENCE, HOPELESS = 300, 100, 5.0
+#: Most evaluations of each search of a reading, its restarts included, and of all of them: twice what trucks that had
+#: changed have needed, 412 and 765 (`python benchmarks/pairs.py OUT --analyse`, benchmarks/results/changes.md). The
+#: search without a change ends after `_PATIENCE` if its cost is above `HOPELESS` times that of the calibration
+#: recordings; those with a change go on from there. No changed truck cost more than 3.2 times as much
+#: (docs/derivations.md, "Changes since the calibration").
+MOST_EVALUATIONS, MOST_TOGETHER, _PATIENCE, HOPELESS = 800, 1500, 100, 5.0
 
 
 def shoot(
@@ -113,11 +114,11 @@ def shoot(
     x, effort = start_point(problem, free), _effort(problem, logs, calibration)
     if free.start is None:
         stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
-        coarse = search(problem, x, X, stages[:-1], progress)
+        coarse = search(problem, x, X, stages[:-1], progress, effort=effort)
         if isinstance(coarse, Failure):
             return SearchResult(problem, coarse)
         problem = replace(problem, noise=replace(problem.noise, measured=noise_scales(problem, coarse)))
-        fine = _fine(problem, coarse.x, coarse.at.X, effort, progress, coarse.evaluations)
+        fine = _fine(problem, coarse.x, coarse.at.X, effort.after(coarse.evaluations), progress, coarse.evaluations)
     else:
         fine = _fine(problem, x, X, effort, progress)
     return SearchResult(problem, _ended(problem, fine), effort=effort)
@@ -144,11 +145,11 @@ def _ended(problem: Problem, solution: ShootingSolution | Failure) -> ShootingSo
 
 
 def _effort(problem: Problem, logs: Sequence[Log], calibration: Calibration | None) -> Effort:
-    """Limit of a search of a load from position alone that does not converge; any other fit has none."""
+    """Limits of a search that does not converge: those of a load from position alone, or of any other fit."""
     if not problem.changing or calibration is None or calibration.position_only is None:
-        return UNLIMITED
+        return USUAL_EFFORT
     usual = calibration.position_only.misfit / misfit(1.0, logs)
-    return Effort(MOST_EVALUATIONS, _PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf)
+    return Effort(MOST_EVALUATIONS, _PATIENCE, HOPELESS * usual if np.isfinite(usual) else np.inf, MOST_TOGETHER)
 
 
 def _fine(
@@ -165,9 +166,10 @@ def _fine(
     for number in range(1, _MAX_RESTARTS + 1):
         if isinstance(best, Failure) or best.status != "stalled" or effort.is_spent(best.evaluations, best.at.cost):
             return best
+        left = effort._replace(most=effort.most + before - best.evaluations)
         again = _states(problem, [problem.actuator_of(best.x, stem) for stem in problem.stems])
         further = again if isinstance(again, Failure) else search(
-            problem, best.x, again, FINE_STAGE, progress, best.evaluations, effort
+            problem, best.x, again, FINE_STAGE, progress, best.evaluations, left
         )  # fmt: skip
         if isinstance(further, Failure):
             return replace(best, starts=(*best.starts, Start(f"new states {number}", np.inf, "failed")))
@@ -192,10 +194,12 @@ def _states(problem: Problem, actuators: Sequence[Actuator]) -> States | Failure
     return tuple(X)
 
 
-def refine(search_result: SearchResult, problem: Problem, x: FloatArray) -> SearchResult:
+def refine(
+    search_result: SearchResult, problem: Problem, x: FloatArray, progress: Progress | None = None
+) -> SearchResult:
     """The search of a result continued from x with the prior of `problem`."""
     near = () if isinstance(search_result.solution, Failure) else search_result.solution.at
-    fine = _fine(problem, x, near, search_result.effort._replace(patience=np.inf), None)
+    fine = _fine(problem, x, near, search_result.effort._replace(patience=np.inf), progress)
     return replace(search_result, problem=problem, solution=_ended(problem, fine))
 
 

@@ -28,11 +28,15 @@ Stage = Literal[
 
 
 class Step(NamedTuple):
-    """A stage that has begun or goes on, its evaluations so far, and the cost of a search, NaN where there is none."""
+    """A stage that has begun or goes on, its evaluations so far, and the cost of a search, NaN where there is none.
+
+    After `most` evaluations it ends, converged or not; infinite where there is no such limit.
+    """
 
     stage: Stage
     evaluations: int = 0
     cost: float = math.nan
+    most: float = math.inf
 
 
 Progress = Callable[[Step], None]
@@ -44,12 +48,18 @@ def report_stage(progress: Progress | None, stage: Stage) -> None:
         progress(Step(stage))
 
 
-def within_stage(progress: Progress | None, stage: Stage) -> Progress | None:
+def within_stage(progress: Progress | None, stage: Stage, before: int = 0, more: int = 0) -> Progress | None:
     """Progress of a computation within another one, all of it under the name of the outer `stage`.
+
+    The outer one has had `before` evaluations, and takes `more` at most.
 
     Examples
     --------
-    >>> within_stage(print, "alone")(Step("fine search", 3, 0.5))
-    Step(stage='alone', evaluations=3, cost=0.5)
+    >>> within_stage(print, "alone", 40, 600)(Step("fine search", 3, 0.5, 600))
+    Step(stage='alone', evaluations=43, cost=0.5, most=1200)
     """
-    return None if progress is None else lambda step: progress(step._replace(stage=stage))
+
+    def outer(step: Step) -> Step:
+        return step._replace(stage=stage, evaluations=before + step.evaluations, most=step.most + more)
+
+    return None if progress is None else lambda step: progress(outer(step))

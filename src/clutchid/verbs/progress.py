@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from itertools import accumulate
+from time import monotonic
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -39,13 +40,13 @@ ESTIMATE: Mapping[Stage, Usual] = MappingProxyType({
     "reading": Usual(0.03),
     "checks": Usual(0.10),
     "compiling": Usual(0.0),
+    "alone": Usual(0.0),
     "preparation": Usual(0.20),
     "coarse search": Usual(0.14, 5.0),
     "fine search": Usual(0.14, 10.0),
     "changes": Usual(0.30),
     "evidence": Usual(0.04),
     "causes": Usual(0.0, 60.0),
-    "alone": Usual(0.0, 60.0),
     "verification": Usual(0.0),
     "writing": Usual(0.05),
 })  # fmt: skip
@@ -68,10 +69,13 @@ class Progressed(NamedTuple):
     words: str
 
 
-def shared(usual: Mapping[Stage, Usual], show: Callable[[Progressed], None]) -> Callable[[Step], None]:
+def shared(
+    usual: Mapping[Stage, Usual], show: Callable[[Progressed], None], clock: Callable[[], float] = monotonic
+) -> Callable[[Step], None]:
     """Progress that calls `show` with the share that is done, which never decreases.
 
-    A search approaches the end of its part, because nobody knows when it will have converged.
+    A search approaches the end of its part, because nobody knows when it will have converged; its words say how long
+    it takes at most, by the evaluations that are left and the rate of its stage so far on the `clock` in s.
 
     Examples
     --------
@@ -83,28 +87,37 @@ def shared(usual: Mapping[Stage, Usual], show: Callable[[Progressed], None]) -> 
     """
     parts = [stage.part for stage in usual.values()]
     begins = dict(zip(usual, accumulate(parts, initial=0.0), strict=False))
-    whole, share = sum(parts), 0.0
+    whole, share, first, begin = sum(parts), 0.0, Step("reading"), 0.0
 
     def progress(step: Step) -> None:
-        nonlocal share
+        nonlocal share, first, begin
+        if step.stage != first.stage or not 0 < first.evaluations < step.evaluations:
+            first, begin = step, clock()
         if step.stage in usual:
             stage = usual[step.stage]
             inside = stage.part * (1.0 - math.exp(-step.evaluations / stage.evaluations))
             share = max(share, (begins[step.stage] + inside) / whole)
-        show(Progressed(step, share, words(step)))
+        count = step.evaluations - first.evaluations
+        left = (clock() - begin) / count * (step.most - step.evaluations) if count else math.inf
+        show(Progressed(step, share, words(step, left)))
 
     return progress
 
 
-def words(step: Step) -> str:
-    """A step in words: the stage, how many simulations of its search, and their least cost.
+def words(step: Step, left: float = math.inf) -> str:
+    """A step in words: the stage, how many simulations of its search, their least cost, and the most time left in s.
 
     Examples
     --------
     >>> words(Step("changes")), words(Step("coarse search", 1))
     ('what has changed since the calibration', 'coarse search, 1 simulation')
+    >>> words(Step("fine search", 60, most=600), 212.0)
+    'fine search, 60 of at most 600 simulations, at most 4 min left'
     """
     text = _WORDS.get(step.stage, step.stage)
     if step.evaluations:
-        text += f", {step.evaluations} simulation{'' if step.evaluations == 1 else 's'}"
-    return f"{text}, cost {step.cost:.4g}" if math.isfinite(step.cost) else text
+        most = f" of at most {step.most:g}" if math.isfinite(step.most) else ""
+        text += f", {step.evaluations}{most} simulation{'s' if most or step.evaluations > 1 else ''}"
+    text += f", cost {step.cost:.4g}" if math.isfinite(step.cost) else ""
+    time = f"{left:.0f} s" if left < 120.0 else f"{left / 60.0:.0f} min"
+    return f"{text}, at most {time} left" if math.isfinite(left) else text

@@ -9,7 +9,7 @@ import pytest
 from clutchid.inference.smoother import search as module
 from clutchid.inference.smoother import trial
 from clutchid.inference.smoother.problem import condense, linearise
-from clutchid.inference.smoother.search import STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, search
+from clutchid.inference.smoother.search import FINE_STAGE, STAGES_FROM_CALIBRATION, STAGES_FROM_PRIOR, Effort, search
 from clutchid.inference.smoother.trial import evaluate_step, shifted_states
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.failure import Failure
@@ -53,6 +53,16 @@ def test_a_load_8_percent_off_is_found_from_position_alone_within_what_noise_all
     # three of its deviations hold everywhere
     assert np.all(np.abs(miss) < 3 * deviations(problem, solution))
     assert np.sqrt(np.mean(miss**2)) < 0.05 * np.sqrt(np.mean(before**2))
+
+
+@pytest.mark.parametrize("most", [1, 2, 5, 9, 14])
+def test_a_search_takes_no_evaluation_more_than_its_limit_and_says_that_it_has_not_converged(problem, start, most):
+    reported = []
+    limited = search(problem, *start, FINE_STAGE, reported.append, effort=Effort(most, whole=most))
+    assert limited.status == "limit"
+    assert limited.evaluations <= most
+    assert [step.evaluations for step in reported] == list(range(1, limited.evaluations))
+    assert {step.most for step in reported} <= {most}
 
 
 def test_the_end_is_a_minimum_to_every_side(problem, solution, cost_at):

@@ -244,6 +244,17 @@ def departs(fit: Fit) -> bool:
     return departure is not None and (_nearer(departure) > ANOTHER or departure.misfit > _POOR_MISFIT)
 
 
+def reason_apart(fit: Fit, readings: int) -> str:
+    """Why one of several `readings` has no load in common with others: its search, or its vehicle; empty where it may.
+
+    The probability that any recording of one vehicle is taken for one of another is that of a single one.
+    """
+    if not fit.converged and departs(fit):
+        return "not converged"
+    another = fit.departure is not None and 1.0 - _nearer(fit.departure) < (1.0 - ANOTHER) / readings
+    return "another vehicle" if another else ""
+
+
 def _nearer(departure: Departure) -> float:
     """Probability that a change moves a truck less far (chi-square); NaN where the data determine nothing."""
     from scipy.special import chdtr

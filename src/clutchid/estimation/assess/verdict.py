@@ -11,9 +11,9 @@ import numpy as np
 
 from clutchid.arguments import checked
 from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
-from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit
+from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit, reach
 from clutchid.estimation.assess.pressure import pressure_notes
-from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reasons, share_off, valve_notes
+from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reason_apart, reasons, share_off, valve_notes
 from clutchid.estimation.assess.travel import unchecked_gains
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.identifiability import in_words
@@ -149,9 +149,40 @@ def _how_far(most: ReadingDifference) -> list[str]:
 def track_command(fit: Fit) -> str:
     """The command that follows the wear over the recordings of a fit, with the names of its files."""
     logs = [r.measured.metadata.get("source", r.measured.name) for r in fit.recordings.values()]
+    return command_line(["clutchid", "track", *logs, "--start", _start(fit), "--out", "WEAR.parquet"])
+
+
+def _start(fit: Fit) -> str:
+    """The file of the calibration that a fit started from."""
     origin = fit.baseline.origin if fit.baseline else None
-    start = origin.name if origin and origin.name else "CAL.toml"
-    return command_line(["clutchid", "track", *logs, "--start", start, "--out", "WEAR.parquet"])
+    return origin.name if origin and origin.name else "CAL.toml"
+
+
+def nothing_in_common(readings: Mapping[str, Fit]) -> str:
+    """Why recordings read one by one have no load in common, with the result of each; empty where they may have one."""
+    why = {name: reason_apart(reading, len(readings)) for name, reading in readings.items()}
+    if not any(why.values()):
+        return ""
+    two = {"another vehicle", ""} <= {*why.values()}
+    head = "these recordings are of two vehicles" if two else "these recordings have no load in common"
+    lines = (f"{name}: {_alone(reading, why[name])}" for name, reading in readings.items())
+    return "\n".join([f"{head}, and were read one by one only.", *lines])
+
+
+def _alone(reading: Fit, why: str) -> str:
+    """Result of a recording read alone, or why it has none."""
+    (recording,), start, curve = reading.recordings.values(), _start(reading), reading.load_curve
+    if why == "not converged" and reading.departure:
+        times, file = reading.departure.misfit, recording.measured.metadata.get("source", recording.measured.name)
+        return (
+            f"{why}, at {times:.0f} times the cost of the calibration; leave it out, and see what is wrong with it: "
+            f"{command_line(['clutchid', 'look', file, '--start', start])}"
+        )
+    if why:
+        return f"of {why} than {start}; take the calibration of its own."
+    at = curve.peak(reach(reading))
+    load = f"at most {curve.force[at]:.0f} ± {(curve.high[at] - curve.low[at]) / 2:.0f} N"
+    return f"of the vehicle of {start}, {load}, trust {verdict(reading).trust}."
 
 
 Trust = Literal["good", "with care", "none"]

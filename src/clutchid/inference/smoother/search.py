@@ -64,23 +64,34 @@ INSIGNIFICANT = 0.1
 _AT_KINK, _BEYOND_KINK = 1e-6, 0.03
 
 
+#: Most evaluations of a search, its restarts included: the calibration that needed most had converged after 529.
+#: Provenance: `python benchmarks/pairs.py OUT --analyse`, benchmarks/results/changes.md.
+MOST_IN_A_SEARCH = 1500
+
+
 class Effort(NamedTuple):
     """Limits that end a search without progress.
 
-    After `most` evaluations, and after `patience` of them where the solution still costs more than `hopeless`.
+    After `most` evaluations, and after `patience` of them where the solution still costs more than `hopeless`. `whole`
+    is the limit of all searches of a fit together.
     """
 
-    most: float = np.inf
+    most: float = MOST_IN_A_SEARCH
     patience: float = np.inf
     hopeless: float = np.inf
+    whole: float = MOST_IN_A_SEARCH
 
     def is_spent(self, evaluations: int, cost: float) -> bool:
         """Whether to end after so many evaluations at a cost."""
         return evaluations >= (min(self.patience, self.most) if cost > self.hopeless else self.most)
 
+    def after(self, evaluations: int) -> Effort:
+        """That of a further search, after so many evaluations in all."""
+        return self._replace(most=min(self.most, self.whole - evaluations))
 
-#: No limit but that of the steps.
-UNLIMITED = Effort()
+
+#: That of a search which nothing else limits.
+USUAL_EFFORT = Effort()
 
 
 #: Called at each evaluation with their number and the least cost so far.
@@ -101,7 +112,7 @@ def search(
     stages: Sequence[float],
     progress: Progress | None = None,
     before: int = 0,
-    effort: Effort = UNLIMITED,
+    effort: Effort = USUAL_EFFORT,
 ) -> ShootingSolution | Failure:
     """Minimise the cost of `problem` from `x` and `X` in stages of decreasing inflation, after `before` evaluations.
 
@@ -112,7 +123,7 @@ def search(
     solution: ShootingSolution | Failure = Failure("no stage to search in")
     count = before
     for inflation in stages:
-        on_evaluation = _counted(progress, inflation, count)
+        on_evaluation = _counted(progress, inflation, count, effort.whole)
         if inflation == 1.0:
             solution = project(problem, x, X, on_evaluation, effort)
         else:
@@ -124,9 +135,9 @@ def search(
     return replace(solution, evaluations=count) if isinstance(solution, Solution) else solution
 
 
-def _counted(progress: Progress | None, inflation: float, before: int) -> OnEvaluation:
+def _counted(progress: Progress | None, inflation: float, before: int, most: float) -> OnEvaluation:
     stage: Stage = "fine search" if inflation == 1.0 else "coarse search"
-    return lambda count, cost: progress(Step(stage, before + count, cost)) if progress else None
+    return lambda count, cost: progress(Step(stage, before + count, cost, most)) if progress else None
 
 
 def _stage(
@@ -166,7 +177,7 @@ def coarse_step(problem: Problem, current: LinearisedProblem, damping: float) ->
 
 def settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
     """`solution` moved to x, with the states that cost least there."""
-    at = VariableProjection.of(problem, lambda: None).moved(solution.at, x)
+    at = VariableProjection.of(problem, lambda: False).moved(solution.at, x)
     return at if isinstance(at, Failure) else replace(solution, x=x, at=at)
 
 
@@ -175,7 +186,7 @@ def project(
     x: FloatArray,
     X: Begin,
     on_evaluation: OnEvaluation,
-    effort: Effort = UNLIMITED,
+    effort: Effort = USUAL_EFFORT,
 ) -> ShootingSolution | Failure:
     """Minimise the cost of `problem` by variable projection.
 
@@ -201,7 +212,7 @@ def project(
     ----------
     Variable projection: Golub and Pereyra 1973.
     """
-    counter = _Counter(on_evaluation)
+    counter = _Counter(on_evaluation, effort.most - 1)  # the last one is that of the solution
     projection = VariableProjection.of(problem, counter)
     start = projection.moved(X, x) if isinstance(X, LinearisedProblem) else projection.start(x, X)
     if isinstance(start, Failure):
@@ -223,6 +234,8 @@ def project(
         disappointed = poor
         if predicted < CONVERGED_GAIN or (little and predicted < _LITTLE_TO_GAIN and (fresh or gain > 0.0)):
             return solution("converged")
+        if counter.number >= counter.most:
+            break
         if little and fresh:
             return solution("stalled")
         if effort.is_spent(counter.number, current.cost):
@@ -240,31 +253,36 @@ def project(
 
 @dataclass(slots=True, eq=False)
 class _Counter:
-    """Counts the evaluations of a search, and reports each."""
+    """Counts the evaluations of a search, and reports each; True where there have been `most`, and one more is not."""
 
     report: OnEvaluation
+    most: float
     number: int = 0
     cost: float = math.nan
 
-    def __call__(self) -> None:
+    def __call__(self) -> bool:
+        if self.number >= self.most:
+            return True
         self.number += 1
         self.report(self.number, self.cost)
+        return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VariableProjection:
     """Steps of a search: its problem, the present damping of the windows, and a callback for each evaluation.
 
-    `held` (k,) are the parameters that have come to a kink of the cost from above.
+    The callback returns whether the search has to end instead. `held` (k,) are the parameters that have come to a kink
+    of the cost from above.
     """
 
     problem: Problem
     damping: Damping
-    on_evaluation: Callable[[], None]
+    on_evaluation: Callable[[], bool]
     held: BoolArray
 
     @classmethod
-    def of(cls, problem: Problem, on_evaluation: Callable[[], None]) -> VariableProjection:
+    def of(cls, problem: Problem, on_evaluation: Callable[[], bool]) -> VariableProjection:
         """Before its first step."""
         return cls(problem, initial_damping(problem), on_evaluation, np.zeros(len(problem.coordinates), dtype=bool))
 
@@ -310,7 +328,8 @@ class VariableProjection:
         self, current: LinearisedProblem, chains: Sequence[Eliminated], step: FloatArray, most: float = math.inf
     ) -> LinearisedProblem | Failure:
         """The problem after a step from `current`, minimised over the states, if its cost is below `most`."""
-        self.on_evaluation()
+        if self.on_evaluation():
+            return NO_GAIN
         X = shifted_states(self.problem, current.X, chains, step)
         trial = evaluate_step(self.problem, current, current.x + step, X)
         candidate = accept(self.problem, trial, free=False) if isinstance(trial, Trial) else trial

@@ -197,7 +197,7 @@ def initial_damping(problem: Problem) -> Damping:
 
 
 def minimise_states(
-    problem: Problem, current: LinearisedProblem, damping: Damping, on_evaluation: Callable[[], None]
+    problem: Problem, current: LinearisedProblem, damping: Damping, on_evaluation: Callable[[], bool]
 ) -> LinearisedProblem:
     """Minimise the cost over the states, with theta fixed.
 
@@ -210,7 +210,7 @@ def minimise_states(
     damping : one array per track
         Damping of each window; changed in place, for the next call.
     on_evaluation : function
-        Called at each step.
+        Called before each step; True ends the steps.
 
     Returns
     -------
@@ -218,7 +218,8 @@ def minimise_states(
         With a cost of at most that of `current`.
     """
     for _ in range(MAX_STEPS):
-        on_evaluation()
+        if on_evaluation():
+            break
         before = current.cost
         current = _step(problem, current, damping)
         if before - current.cost < CONVERGED_GAIN:
