@@ -38,7 +38,7 @@ SUSPICIOUS = 2.0
 class _Fault(NamedTuple):
     """A fault with the sizes that are tried, how one is undone, and its words with a size in their unit.
 
-    A fault of a size below 0 has the second words.
+    A fault of a size below 0 has the second words. Sizes between those of `harmless` are none.
     """
 
     name: str
@@ -47,6 +47,7 @@ class _Fault(NamedTuple):
     words: tuple[str, ...]
     unit: float
     remedy: str
+    harmless: tuple[float, float] = (0.0, 0.0)
 
 
 def _moved(log: Log, late: float) -> Log:
@@ -87,21 +88,22 @@ _FAULTS = (
     _Fault(
         "shift", _signed(0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1), _moved,
         ("the position is {:.0f} ms late against the duty cycles", "the duty cycles are {:.0f} ms late"), 1e-3,
-        "give the channel that delay in the channel map",
+        "give the channel that delay in the channel map", (-0.003, 0.003),
     ),
     _Fault(
         "filter", (0.004, 0.008, 0.016, 0.032), _unfiltered,
-        ("the position is filtered with a time constant of {:.0f} ms",), 1e-3, "record it before the filter",
+        ("the position is filtered with a time constant of {:.0f} ms",), 1e-3,
+        "record it before the filter", (0.0, 0.003),
     ),
     _Fault(
         "gain of the duty cycles", (0.5, 0.6, 0.7, 0.8, 1.25, 1.6), _divided,
         ("the recorded duty cycles are {:.2f} times those of the valves, or the valves pass less or more by as much",),
-        1.0, f"check the drivers of the valves, or {_BY_MAP}",
+        1.0, f"check the drivers of the valves, or {_BY_MAP}", (0.9, 1.1),
     ),
     _Fault(
         "clock", _signed(0.0005, 0.001, 0.002, 0.004, 0.008), _on_clock,
         ("the clock of the duty cycles is {:.2f} % fast", "the clock of the duty cycles is {:.2f} % slow"), 1e-2,
-        "record all channels on one clock",
+        "record all channels on one clock", (-3e-4, 3e-4),
     ),
     _Fault("duty_supply inverted", (0.0,), _inverted(INPUTS[0]), ("duty_supply is inverted",), 1.0, _BY_MAP),
     _Fault("duty_exhaust inverted", (0.0,), _inverted(INPUTS[1]), ("duty_exhaust is inverted",), 1.0, _BY_MAP),
@@ -182,7 +184,9 @@ def _best(log: Log, actuator: Actuator, calibration: Calibration, fault: _Fault)
         at = ordered.index(max(tried, key=lambda size: tried[size].log_likelihood))
         around = ordered[max(0, at - 1) : at + 2]
         try_sizes(*((a + b) / 2.0 for a, b in pairwise(around)))
-    return max(tried.values(), key=lambda cause: cause.log_likelihood, default=None)
+    low, high = fault.harmless
+    faults = [cause for size, cause in tried.items() if not low < size < high]
+    return max(faults, key=lambda cause: cause.log_likelihood, default=None)
 
 
 def _cause(

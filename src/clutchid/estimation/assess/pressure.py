@@ -89,8 +89,8 @@ def pressure_reasons(fit: Fit) -> Iterator[Reason]:
         if test.deviates:
             why = "and its band allow" if test.contradicts else "allows, though the band of the load does"
             yield Reason(
-                f"{name}: {difference_in_words(test)}, more than its sensor {why}: calibration, inputs or that sensor are "
-                "wrong; check them, or calibrate with this recording.",
+                f"{name}: {difference_in_words(test)}, more than its sensor {why}: the calibration, the inputs or that "
+                "sensor are wrong; check them, or calibrate with this recording.",
                 test.contradicts,
             )
 
