@@ -116,7 +116,7 @@ def test_a_fit_says_how_it_was_done_and_within_which_scales(fit, shot):
 
 
 def test_notes_name_what_the_recordings_tell_and_what_they_do_not(calibrated):
-    determined, undetermined = calibrated.notes
+    determined, undetermined, *_ = calibrated.notes
     assert determined.startswith("determined by the data: ")
     assert undetermined.startswith("not determined by the data, so that the prior applies: ")
     names = [

@@ -44,7 +44,7 @@ def machine(tmp_path, monkeypatch):
         ("kill -9 $$", "fails with exit code -9"),
     ],
 )
-def test_a_program_of_another_version_or_a_broken_one_leaves_a_test_out(machine, script, reason):
+def test_a_test_is_left_out_where_its_program_is_of_another_version_or_broken(machine, script, reason):
     folder = machine("usr", cppcheck=script)
     with pytest.raises(pytest.skip.Exception) as skipped:
         programs.path_of("cppcheck")

@@ -207,7 +207,7 @@ def supply_reasons(fit: Fit) -> Iterator[Reason]:
         return
     ((name, recording),) = fit.recordings.items()
     difference = supply_difference(recording.measured, fit.actuator, fit.baseline.conditions) or 0.0
-    yield Reason(f"{name}: {gauge_sentence(difference)}. Without it {loads_in_words(reading)}.")
+    yield Reason(f"{name}: {gauge_sentence(difference)}. Read without the supply pressure {loads_in_words(reading)}.")
 
 
 def _name_of(calibration: Calibration) -> str:
