@@ -116,11 +116,13 @@ async def _index(_request: Request) -> Response:
 
 
 async def _about(session: Session, _request: Request) -> Response:
-    """Facts that are constant while the server runs: units, quantities, verbs."""
+    """Units, quantities and verbs, the name of the session, and the recordings that are there, if there was a fit."""
     units = {name: asdict(unit) for name, unit in UNITS.items()}
+    fits = any(result.verb != "file" for result in session.board.all(Result))
     return JSONResponse({
         "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
+        "session": session.name, "offered": [item.id for item in session.board.all(Recording) if fits],
     })  # fmt: skip
 
 

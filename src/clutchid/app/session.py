@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import tomli_w
 
@@ -39,6 +40,7 @@ class Session:
     def __init__(
         self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
     ) -> None:
+        self.name = uuid4().hex
         self.folder, self.below, self.named = folder, below.resolve(), tuple(named)
         self.board = Board()
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)

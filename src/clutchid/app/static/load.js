@@ -1,5 +1,5 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, dropping, fill, h, nextStep, notice, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
+import { about, all, badge, dropping, fill, gone, h, lasts, nextStep, notice, older, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { contents, has, ready, take, unchecked, worst } from "./recording.js";
@@ -11,11 +11,14 @@ const refused = { calibrate: "", estimate: "" };
 const sent = new Map();       // files dropped for a fit that are not among the events yet, with their use
 const known = new Set();      // recordings and results that were offered before
 const board = new Set();      // results that are overlaid
+const opened = new Set();     // verbs whose options are shown
+const target = { to: "c", method: "joint" };  // of an export
 let open = "";                // the result whose details are shown
 let awaited = "";             // a result that was begun, and is not among the events yet
 let plots = [];
 
 export { calibrations };
+lasts("load", { chosen, verified, options, known, board, opened, target });
 
 export function loadStage(main, show) {
   const forms = h("div", { class: "forms" });
@@ -41,7 +44,7 @@ function offer() {
   for (const recording of all("recording")) {
     sent.get(recording.id)?.();
     if (sent.delete(recording.id)) known.add(recording.id);
-    if (!ready(recording) || known.has(recording.id)) continue;
+    if (!ready(recording) || known.has(recording.id) || older.has(recording.id)) continue;
     known.add(recording.id);
     const calibrated = all("result").some((result) => result.verb === "calibrate" && result.recordings.includes(recording.id));
     if (has(recording, "pressure_a") && !all("result").length && !chosen.calibrate.size) chosen.calibrate.add(recording.id);
@@ -56,18 +59,18 @@ function offer() {
     chosen.start = result.id;
     for (const id of result.recordings) chosen.estimate.delete(id);  // its load is known
   }
-  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (!one("recording", id)) set.delete(id);
-  for (const id of board) if (!one("result", id)) board.delete(id);
+  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id)) set.delete(id);
+  for (const id of board) if (gone.has(id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
   if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
-  if (!one("result", chosen.start)) chosen.start = "";
+  if (gone.has(chosen.start)) chosen.start = "";
 }
 
 const calibrations = () => all("result").filter((result) => result.found?.is_calibration && !result.found.writing);
 
 /** Why a verb cannot run yet; empty where it can. */
 function missing(verb) {
-  const these = [...chosen[verb]].map((id) => one("recording", id));
+  const these = [...chosen[verb]].map((id) => one("recording", id)).filter(Boolean);
   if (!all("recording").length) return "Open a recording first.";
   if (!these.length) return "Choose a recording.";
   const unread = these.find((recording) => !ready(recording));
@@ -133,8 +136,6 @@ function form(verb, title, purpose, redraw) {
 
 const listed = (text = "") => text.split(/\s+/).filter(Boolean);
 const cleaned = ({ bounds, prior, ...others }) => ({ ...others, bounds: listed(bounds), prior: listed(prior) });
-
-const opened = new Set();
 
 function more(verb, redraw) {
   const given = options[verb];
@@ -217,7 +218,6 @@ function parameters(found) {
 }
 
 const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.m": "MATLAB (.m)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
-const target = { to: "c", method: "joint" };
 
 function downloads(result) {
   const { found } = result;

@@ -1,5 +1,5 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, h, item, nextStep, notice, one, points, repeat, sentences, send, short, summary } from "./page.js";
+import { all, fill, gone, h, item, lasts, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
@@ -8,6 +8,7 @@ import { has, ready, unchecked } from "./recording.js";
 const METHODS = ["joint", "joint-reduced", "states", "paper"];
 const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
 const chosen = { recording: "", start: "", method: "joint", force: false };
+lasts("online", chosen);
 let refused = "";
 let open = "";
 let awaited = "";   // an observation that was begun, and is not among the events yet
@@ -49,8 +50,8 @@ function missing() {
 
 function drawForm(form, redraw) {
   const recordings = all("recording").filter((recording) => recording.look);
-  if (!one("recording", chosen.recording)) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find(ready)?.id ?? "";
-  if (!one("result", chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
+  if (!chosen.recording || gone.has(chosen.recording)) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
+  if (!chosen.start || gone.has(chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
   const why = missing();
   const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },
     values.map(([value, words]) => h("option", { value, selected: chosen[name] === value }, words))));

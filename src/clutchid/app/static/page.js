@@ -81,6 +81,7 @@ const objects = { recording: new Map(), result: new Map(), observation: new Map(
 const listeners = [];
 export const all = (kind) => [...objects[kind].values()];
 export const one = (kind, id) => objects[kind].get(id);
+export const gone = new Set();  // ids of what was removed; what is kept of others stays until they are among the events
 export const listen = (listener) => listeners.push(listener);
 
 /** Follow the server; the browser connects again by itself, and goes on with what it has missed. */
@@ -93,7 +94,7 @@ export function follow(lost) {
   source.onmessage = (event) => {
     const { kind, id, content } = JSON.parse(event.data);
     if (!objects[kind]) return;
-    if (content === null) objects[kind].delete(id);
+    if (content === null) { objects[kind].delete(id); gone.add(id); }
     else objects[kind].set(id, content);
     changed.add(`${kind} ${id}`);
     if (planned) return;
@@ -107,8 +108,30 @@ export function follow(lost) {
   };
 }
 
-export const about = { units: {}, quantities: {}, verbs: {}, methods: [] };
-export async function learn() { Object.assign(about, await ask("/api/about")); }
+export const about = { units: {}, quantities: {}, verbs: {}, methods: [], session: "", offered: [] };
+const lasting = {};           // what was ticked, chosen and written, by stage: a tab keeps it until its server ends
+export const lasts = (name, state) => { lasting[name] = state; };
+export const older = new Set();  // recordings that had been there, after a fit, when this tab was opened: it chooses none of them by itself
+lasts("older", older);
+export async function learn() {
+  Object.assign(about, await ask("/api/about"));
+  const name = `clutchid ${about.session}`;
+  const kept = sessionStorage.getItem(name);
+  restore(lasting, kept ? JSON.parse(kept) : { older: about.offered });
+  const save = () => sessionStorage.setItem(name, JSON.stringify(lasting, (_, value) => (value instanceof Set || value instanceof Map ? [...value] : value)));
+  for (const event of ["pagehide", "visibilitychange", "change", "click"]) addEventListener(event, save);
+}
+
+/** Fill objects, sets and maps with what was kept of them. */
+function restore(state, kept) {
+  for (const [name, value] of Object.entries(kept)) {
+    const own = state[name];
+    if (own instanceof Set) for (const entry of value) own.add(entry);
+    else if (own instanceof Map) for (const entry of value) own.set(...entry);
+    else if (own && typeof own === "object") restore(own, value);
+    else state[name] = value;
+  }
+}
 
 /** A number with so many digits, without an exponent where none is needed. */
 export function short(value, digits = 5) {

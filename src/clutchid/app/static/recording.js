@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, item, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, h, item, lasts, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
@@ -11,6 +11,7 @@ const drafts = new Map();     // by recording the map as it is edited, the one l
 const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
+lasts("recording", { drafts });
 const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
   open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
