@@ -28,7 +28,7 @@ _COMPARED = 30.0
 _HALVINGS = 4
 
 #: A fault is the cause if its innovations are at most as many times those of the calibration, and those of the
-#: recording as it is at least as many times these. Provenance: `benchmarks/causes.py`, benchmarks/results/causes.md.
+#: recording as it is at least as many times these. Provenance: benchmarks/results/causes.md.
 _EXPLAINED, _BETTER = 1.6, 1.5
 
 #: Ratio of the innovations beyond which `look` compares faults. Provenance: as before.

@@ -24,8 +24,8 @@ _FAR = 0.6
 
 #: Changes of the travel to the stop, and of the travel without one, as shares of it, from which they are said: a
 #: facing of 1.5 mm wear lets the rest of the virtual trucks fall by up to 0.8 mm, 3.5 % of their stroke. Provenance:
-#: `benchmarks/causes.py`, benchmarks/results/causes.md.
-GAIN, MORE = 0.03, 0.04
+#: benchmarks/results/causes.md.
+GAIN, MORE = 0.03, 0.06
 
 
 class Travel(NamedTuple):
