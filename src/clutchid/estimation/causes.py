@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.reasons import is_explained
 from clutchid.estimation.result import Fit, InputFault
 from clutchid.inference.uncertainty.calibration import Calibration
@@ -202,8 +203,11 @@ def _cause(
     corrected = fault.undone(log, size) if fault else log
     if not usable(corrected) or too_slow(corrected, actuator) or not calibration.nis > 0.0:
         return None
-    follower = observer(actuator, spacing=spacing(corrected), calibration=calibration)
-    _, samples = observe(follower, start(follower), corrected)
+    try:
+        follower = observer(actuator, spacing=spacing(corrected), calibration=calibration)
+        _, samples = observe(follower, start(follower), corrected)
+    except (DataError, ParameterError):  # a reading is not lost for it
+        return None
     nis = normalised(follower, samples.states, samples.innovations)
     innovation, variance = samples.innovations[np.isfinite(samples.innovations[:, 0])].T
     if not np.isfinite(nis).any():
