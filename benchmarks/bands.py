@@ -19,7 +19,7 @@ import numpy as np
 from readings import CASES
 
 from clutchid.estimation.assess.comparison import half_load
-from clutchid.estimation.assess.reasons import BAD_ERROR, GOOD_ERROR, POOR_ERROR, SHARES_OFF
+from clutchid.estimation.assess.reasons import GOOD_ERROR, POOR_ERROR
 from clutchid.estimation.filtered_load import FILTER_WEIGHT
 from clutchid.estimation.hypotheses import INTERVAL_SETTINGS, flattened, softmax
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
@@ -145,6 +145,9 @@ def with_filter(reading: Stored, weight: float = FILTER_WEIGHT) -> Band:
 #: Bands as they are used.
 USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and 0.3 of the joint filter, as used"
 
+#: Error in % of the peak that is bad.
+BAD_ERROR = 2.0
+
 #: Bands that are compared, by what is recorded.
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
     "position": {
@@ -232,8 +235,8 @@ def graded(scores: Sequence[Score]) -> str:
 
 
 def by_expected_error(scores: Sequence[Score]) -> str:
-    """How many readings are bad, by their expected error up to the limits that a result quotes."""
-    limits = [0.0, *(limit for limit, _ in SHARES_OFF)]
+    """How many readings are bad, by their expected error."""
+    limits = [0.0, GOOD_ERROR, 2.5, POOR_ERROR, np.inf]
     return "; ".join(f"up to {high:g}: {bad(scores, low, high)}" for low, high in pairwise(limits))
 
 

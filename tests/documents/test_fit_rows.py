@@ -67,7 +67,8 @@ def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is
     fit = replace(with_baseline(fitted), assumed=assumed, load_per_supply=0.73)
     supply, air = rows_of(fit, "assumed")
     assert supply == (
-        "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; 1 % of it moves this load by 0.7 %: record "
+        "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; beyond that the band does not hold, and "
+        "position alone cannot show it; 1 % of it moves this load by 0.7 %: record "
         "pressure_supply in both, to halve the band"
     )
     assert fit_json(fit)["load_per_supply"] == 0.73

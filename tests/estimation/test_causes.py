@@ -65,11 +65,11 @@ def test_a_supply_that_differs_by_an_atmosphere_is_named(bar, named):
 
 def test_a_pressure_that_is_off_by_more_than_sensor_and_band_contradicts():
     measured = np.full(1000, 4e5)
-    within, beyond = (pressure_test(measured, measured + by, np.full(1000, 5e3), 20) for by in (4e3, 15e3))
+    within, beyond = (pressure_test(measured, measured + by, np.full(1000, 5e3), 1e-3) for by in (4e3, 15e3))
     assert not within.deviates
     assert beyond.deviates
     assert beyond.contradicts
-    of_wide_band = pressure_test(measured, measured + 15e3, np.full(1000, 2e4), 20)
+    of_wide_band = pressure_test(measured, measured + 15e3, np.full(1000, 2e4), 1e-3)
     assert of_wide_band.deviates
     assert not of_wide_band.contradicts
 

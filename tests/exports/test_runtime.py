@@ -27,6 +27,7 @@ from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
 from clutchid.observer import observe, observer, start
 from clutchid.observer.health import FLAGS
+from clutchid.strokes.travel import Travel
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled
 from fixtures.export_c import write_sources
@@ -78,8 +79,9 @@ def observer_of(switched, log):
     """The observer of a method, with all that a calibration can tell it."""
     conditions = RecordedConditions(temperature=290.0, supply=9.5e5, supply_estimated=switched.value("P_S"))
     calibration = Calibration(
-        (), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=vented_rest(log.slice(0, 4000))
-    )
+        (), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=vented_rest(log.slice(0, 4000)),
+        travel=Travel(0.9 * log.reach()),
+    )  # fmt: skip
     return cache(lambda method: observer(switched, method, calibration=calibration))
 
 
@@ -114,7 +116,7 @@ def test_in_double_everything_is_alike_up_to_rounding(found_by, faulty, method):
     assert max(d.value for d in compared.differences if d.unit == "m") < 1e-9
     seen = {name: int(count) for name, count in zip(FLAGS, outputs.health, strict=True) if count}
     assert {"position_missing", "position_frozen", "position_beyond_stops", "duty_missing", "time_missing"} < set(seen)
-    assert {"outlier", "rest_moved"} < set(seen)
+    assert {"outlier", "rest_moved", "travel_unlike"} < set(seen)
     assert np.nanmax(outputs.outputs[:, RESULT_COLUMNS.index("rest")]) > 3e-4
 
 

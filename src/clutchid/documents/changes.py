@@ -75,6 +75,7 @@ def _assumed(assumption: Assumption, per_supply: float | None, of: int) -> str:
     text += f"{' in the calibration' if assumption.recorded else where}: as calibrated, {value}"
     if not supply or per_supply is None:
         return text
+    text += "; beyond that the band does not hold, and position alone cannot show it"
     return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, to halve the band"
 
 

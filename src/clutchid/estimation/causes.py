@@ -7,7 +7,7 @@ the cause if a reading of the recording without it is explained.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -25,8 +25,8 @@ from clutchid.model.actuator import Actuator
 #: Longest part of a recording in s that is compared.
 _COMPARED = 30.0
 
-#: Halvings of the distance to the neighbouring sizes by which the size of a fault is found.
-_HALVINGS = 4
+#: Halvings of the distance to the neighbouring sizes by which the size of a fault is found, of the likeliest faults.
+_HALVINGS, _REFINED = 4, 2
 
 #: A fault is the cause if its innovations are at most as many times those of the calibration, and those of the
 #: recording as it is at least as many times these. Provenance: benchmarks/results/causes.md.
@@ -146,8 +146,13 @@ def compared_causes(log: Log, actuator: Actuator, calibration: Calibration) -> t
     as_recorded = _cause(part, actuator, calibration, None, 0.0)
     if as_recorded is None:
         return ()
-    faults = [_best(part, actuator, calibration, fault) for fault in _FAULTS]
-    return tuple(sorted([as_recorded, *filter(None, faults)], key=lambda cause: -cause.log_likelihood))
+    sizes = [_tried(fault, fault.sizes, {}, part, actuator, calibration) for fault in _FAULTS]
+    best = [_best(fault, tried) for fault, tried in zip(_FAULTS, sizes, strict=True)]
+    likeliest = sorted(filter(None, best), key=lambda cause: -cause.log_likelihood)[:_REFINED]
+    for i, fault in enumerate(_FAULTS):
+        if best[i] in likeliest and len(fault.sizes) > 1:
+            best[i] = _refined(fault, sizes[i], part, actuator, calibration)
+    return tuple(sorted([as_recorded, *filter(None, best)], key=lambda cause: -cause.log_likelihood))
 
 
 def innovations_ratio(log: Log, actuator: Actuator, calibration: Calibration) -> float | None:
@@ -170,21 +175,33 @@ def _fault(name: str) -> _Fault | None:
     return next((fault for fault in _FAULTS if fault.name == name), None)
 
 
-def _best(log: Log, actuator: Actuator, calibration: Calibration, fault: _Fault) -> InputFault | None:
-    """A fault with the size that does best; None where no size can be followed."""
-    tried: dict[float, InputFault] = {}
+def _tried(
+    fault: _Fault,
+    sizes: Iterable[float],
+    tried: Mapping[float, InputFault],
+    log: Log,
+    actuator: Actuator,
+    calibration: Calibration,
+) -> dict[float, InputFault]:
+    """What was `tried` of a fault, and further sizes; those that cannot be followed are left out."""
+    further = {size: _cause(log, actuator, calibration, fault, size) for size in sizes if size not in tried}
+    return {**tried, **{size: cause for size, cause in further.items() if cause}}
 
-    def try_sizes(*sizes: float) -> None:
-        for size in sizes:
-            cause = _cause(log, actuator, calibration, fault, size) if size not in tried else None
-            tried.update({size: cause} if cause else {})
 
-    try_sizes(*fault.sizes)
-    for _ in range(_HALVINGS if len(fault.sizes) > 1 and tried else 0):
+def _refined(
+    fault: _Fault, tried: Mapping[float, InputFault], log: Log, actuator: Actuator, calibration: Calibration
+) -> InputFault | None:
+    """A fault with its size found by halving the distance to the neighbouring ones."""
+    for _ in range(_HALVINGS):
         ordered = sorted(tried)
         at = ordered.index(max(tried, key=lambda size: tried[size].log_likelihood))
         around = ordered[max(0, at - 1) : at + 2]
-        try_sizes(*((a + b) / 2.0 for a, b in pairwise(around)))
+        tried = _tried(fault, ((a + b) / 2.0 for a, b in pairwise(around)), tried, log, actuator, calibration)
+    return _best(fault, tried)
+
+
+def _best(fault: _Fault, tried: Mapping[float, InputFault]) -> InputFault | None:
+    """A fault with the size that does best; None where no size can be followed."""
     low, high = fault.harmless
     faults = [cause for size, cause in tried.items() if not low < size < high]
     return max(faults, key=lambda cause: cause.log_likelihood, default=None)

@@ -187,6 +187,7 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "at_y_max": names.index("y_max"),
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,
+        "suspect_from": min(observer.suspect_from, 1.0),
         "supply_ratio": observer.supply.ratio if observer.supply else 1.0,
         "supply_recorded": observer.supply.recorded if observer.supply else 0.0,
         "limits": limits(observer.actuator, "position", observer.spacing).tolist(),

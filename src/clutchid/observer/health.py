@@ -40,6 +40,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "not_learning": "a stroke was not followed from its beginning, and nothing is learnt before it ends",
     "air_refused": "the recorded temperature of the air cannot be right: the one before stays in use",
     "air_lost": "no temperature of the air has counted for a minute: the band is that of an unknown one",
+    "travel_unlike": "the piston travels further than in the calibration: the gain of its position may be too large",
 })  # fmt: skip
 
 #: Meanings of the further flags of a live recording.
@@ -84,6 +85,7 @@ def health(observer: Observer, earlier: FloatArray, log: Log, samples: Observed)
         "not_learning": samples.partial,
         "air_refused": samples.air_refused,
         "air_lost": samples.air_lost,
+        "travel_unlike": log["position"] > observer.suspect_from,
     }
     by_correction = {
         "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,

@@ -39,6 +39,7 @@ from clutchid.observer.state import EMPTY, ObserverState, Sound, Tail, segment_o
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace
 from clutchid.strokes.stroke import RESOLUTION
+from clutchid.strokes.travel import suspect_from
 from clutchid.strokes.vented_rest import Zero
 
 #: Correlation time of what the model misses in s, and covariance that load weights and parameters gain in a stroke, as
@@ -119,6 +120,11 @@ class Observer:
     def compares(self) -> bool:
         """Whether innovations are compared with the usual ones."""
         return bool(np.isfinite(self.usual)) and self.joint.reference is None
+
+    @property
+    def suspect_from(self) -> float:
+        """Recorded position in m beyond which the travel is suspect, infinite where that as calibrated is not known."""
+        return suspect_from(self.calibration.travel if self.calibration else None)
 
     def leaks(self, state: ObserverState) -> bool:
         """Whether a leak of chamber A that adapts is beyond `LEAK_FOUND` of its standard deviations."""

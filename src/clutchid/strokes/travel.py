@@ -76,6 +76,18 @@ def merged_travels(travels: Iterable[Travel]) -> Travel:
     )
 
 
+def suspect_from(before: Travel | None) -> float:
+    """Recorded position in m beyond which the travel is suspect; infinite where that of a calibration is not known.
+
+    Examples
+    --------
+    >>> f"{suspect_from(Travel(0.0234)):.4f}"
+    '0.0248'
+    """
+    limits = [] if before is None else [before.stop * (1.0 + GAIN), before.reach * (1.0 + MORE)]
+    return next(filter(math.isfinite, limits), math.inf)
+
+
 class TravelChange(NamedTuple):
     """Change of a travel since the calibration.
 

@@ -13,7 +13,6 @@ from clutchid.estimation.assess.reasons import (
     POOR_ERROR,
     expected_error,
     reading_reasons,
-    share_off,
     slow_reasons,
 )
 from clutchid.estimation.assess.verdict import verdict
@@ -88,16 +87,6 @@ def test_the_expected_error_is_that_of_the_band(reading, percent, trust):
     wide = with_error(reading, percent)
     assert expected_error(wide) == pytest.approx(percent, rel=1e-3)
     assert verdict(wide).trust == trust
-
-
-def test_a_reading_says_how_often_readings_like_it_were_wrong(reading):
-    shares = [share_off(with_error(reading, percent)) for percent in (0.5, 2.5, 6.0)]
-    assert shares == sorted(shares)
-    assert 0.0 <= shares[0] < shares[-1] <= 100.0
-    said = verdict(with_error(reading, 6.0)).experience
-    assert said == f"on virtual trucks {shares[-1]:.0f} % of such readings had a load error above 2 %."
-    for other in (None, NEAR._replace(distance=60.0), NEAR._replace(misfit=1.6)):
-        assert verdict(replace(reading, departure=other)).experience == ""
 
 
 def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.evidence import Reason
+from clutchid.estimation.assess.pressure import PressureTest, pressure_reason, pressure_test
 from clutchid.estimation.assess.reasons import WIDE, unvented_baseline
 from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
@@ -19,6 +20,7 @@ from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.observer import Observer
 from clutchid.observer.recording import ObservedRecording, SupplyUse
+from clutchid.strokes.travel import TravelChange, travel_change, travel_of
 
 #: Levels of trust by their number, in the exported C and in frames.
 TRUSTS: tuple[Trust, ...] = ("none", "with care", "good")
@@ -47,8 +49,8 @@ HALF_WIDTH = Limit(WIDE, 0.33)
 MISMATCH = Limit(1.5, MISMATCHED)
 
 #: Share of the time of each flag. A frozen position is not among them: a quiet sensor at rest is frozen too, and its
-#: samples are left out. A leak and a divergence count however short. Guesses: gaps of 0.1 did not raise the error
-#: (`benchmarks/observer_trust.py`).
+#: samples are left out. A leak, a divergence and a travel count however short. Guesses: gaps of 0.1 did not raise the
+#: error (`benchmarks/observer_trust.py`).
 FLAGGED: Mapping[str, Limit] = {
     "position_missing": Limit(0.2, 0.8),
     "position_beyond_stops": Limit(0.05, 0.5),
@@ -63,6 +65,7 @@ FLAGGED: Mapping[str, Limit] = {
     "contradiction": Limit(0.0, 0.5),
     "supply_unlike": Limit(0.05),
     "repeated": Limit(0.2, 0.8),
+    "travel_unlike": Limit(0.0),
 }
 
 
@@ -84,7 +87,8 @@ class Indicators(NamedTuple):
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
     its peak, the NIS ratio (NaN: not known), the share of the time of each flag, the use of the `supply` pressure, how
     far in m a vented rest has moved that is not subtracted from the position, what is known of the `zero` after a
-    position has jumped and stayed, and the reason where the calibration is `unvented`.
+    position has jumped and stayed, the reason where the calibration is `unvented`, and of a recording that has ended
+    the test of its measured `pressure` and its change of `travel`.
     """
 
     adapts: bool
@@ -96,6 +100,8 @@ class Indicators(NamedTuple):
     kept_shift: float = 0.0
     zero: ZeroKnown = "no jump"
     unvented: tuple[Reason, ...] = ()
+    pressure: PressureTest | None = None
+    travel: TravelChange | None = None
 
 
 def engaging_load(run: ObservedRecording | LiveRun) -> LoadCurve:
@@ -131,7 +137,21 @@ def indicators(run: ObservedRecording | LiveRun) -> Indicators:
         run.after.rest.shift if run.observer.zero == "keep" else 0.0,
         _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
+        *((_pressure(run), _travel(run)) if isinstance(run, ObservedRecording) else (None, None)),
     )
+
+
+def _pressure(run: ObservedRecording) -> PressureTest | None:
+    """The test of a recording by its measured pressure; none without one, or without a band."""
+    if "pressure_a" not in run.log:
+        return None
+    estimated = run.samples.states[:, run.observer.actuator.states.index("p_A")]
+    return pressure_test(run.log["pressure_a"], estimated, run.deviation("p_A"), run.observer.spacing)
+
+
+def _travel(run: ObservedRecording) -> TravelChange | None:
+    before = run.observer.calibration and run.observer.calibration.travel
+    return travel_change(before, travel_of(run.log)) if before and np.isfinite(before.reach) else None
 
 
 def _zero(run: ObservedRecording | LiveRun) -> ZeroKnown:
@@ -152,10 +172,11 @@ def observed_verdict(indicators: Indicators) -> Verdict:
     >>> observed_verdict(Indicators(True, 10, 0.03, 1.1, {}, "measured")).trust
     'good'
     """
-    reasons = [*_reasons(indicators)]
+    reasons, travel = [*_reasons(indicators)], indicators.travel
+    unseen = (travel.sentence,) if travel and not travel.suspect and not travel.checked else ()
     flawed = any(reason.grave for reason in reasons)
     trust: Trust = "none" if flawed else "with care" if reasons else "good"
-    return Verdict(trust, tuple(reason.text for reason in reasons), flawed=flawed)
+    return Verdict(trust, tuple(reason.text for reason in reasons), unseen, flawed)
 
 
 def _reasons(indicators: Indicators) -> Iterator[Reason]:
@@ -183,9 +204,12 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
             f"more than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again.",
             indicators.mismatch > MISMATCH.none,
         )
+    suspect = indicators.travel is not None and indicators.travel.suspect
+    if indicators.travel and suspect:
+        yield Reason(indicators.travel.sentence)
     for name, limit in FLAGGED.items():
         share = indicators.flagged.get(name, 0.0)
-        if share > limit.care:
+        if share > limit.care and not (suspect and name == "travel_unlike"):
             yield Reason(f"{FLAGS[name]} ({float(f'{100 * share:.2g}'):g} % of the time).", share > limit.none)
     if indicators.supply != "measured":
         advice = "; record it" if indicators.supply == "not recorded" else ""
@@ -193,6 +217,8 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
             f"the supply pressure was {indicators.supply}: a supply 5 % below that of the calibration is taken for a "
             f"load 6 % larger, and the band allows for it{advice}."
         )
+    if indicators.pressure and indicators.pressure.deviates:
+        yield pressure_reason(indicators.pressure)
     yield from kept_rest(indicators.kept_shift)
     if indicators.zero != "no jump":
         yield Reason(

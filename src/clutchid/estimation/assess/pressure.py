@@ -50,8 +50,14 @@ class PressureTest(NamedTuple):
         return self.deviates and self.rms > QUANTILE * self.allowed
 
 
-def pressure_test(measured: FloatArray, estimated: FloatArray, load_std: FloatArray, block: int) -> PressureTest | None:
-    """Compare pressures (n,) in Pa, with the standard deviation (n,) in Pa that the load leaves; None without any."""
+def pressure_test(
+    measured: FloatArray, estimated: FloatArray, load_std: FloatArray, interval: float
+) -> PressureTest | None:
+    """Compare pressures (n,) in Pa, `interval` s apart, with the standard deviation (n,) in Pa that the load leaves.
+
+    None where nothing can be compared.
+    """
+    block = max(1, round(_AVERAGED / interval))
     difference, pressure, std = (block_means(values, block) for values in (measured - estimated, measured, load_std))
     compared = np.isfinite(difference) & np.isfinite(std)
     if not compared.any():
@@ -78,21 +84,26 @@ def _of_recording(fit: Fit, name: str, recording: Recording) -> PressureTest | N
         return None
     std = (curve.high - curve.low) / (2.0 * QUANTILE * fit.actuator.parameters.A_A)
     of_load = np.interp(log["position"], curve.position, std)
-    block = max(1, round(_AVERAGED / sample_interval(log.time)))
     estimated = as_recorded(fit, name, recording.simulated)["pressure_a"]
-    return pressure_test(log["pressure_a"], estimated, of_load, block)
+    return pressure_test(log["pressure_a"], estimated, of_load, sample_interval(log.time))
 
 
 def pressure_reasons(fit: Fit) -> Iterator[Reason]:
     """Pressures that contradict a reading by more than their sensors explain."""
     for name, test in pressure_tests(fit).items():
         if test.deviates:
-            why = "and its band allow" if test.contradicts else "allows, though the band of the load does"
-            yield Reason(
-                f"{name}: {difference_in_words(test)}, more than its sensor {why}: the calibration, the inputs or that "
-                "sensor are wrong; check them, or calibrate with this recording.",
-                test.contradicts,
-            )
+            reason = pressure_reason(test)
+            yield reason._replace(text=f"{name}: {reason.text}")
+
+
+def pressure_reason(test: PressureTest) -> Reason:
+    """That the pressure of a recording deviates, and whether the band of the load explains it."""
+    why = "and its band allow" if test.contradicts else "allows, though the band of the load does"
+    return Reason(
+        f"{difference_in_words(test)}, more than its sensor {why}: the calibration, the inputs or that sensor "
+        "are wrong; check them, or calibrate with this recording.",
+        test.contradicts,
+    )
 
 
 def pressure_notes(fit: Fit) -> list[str]:

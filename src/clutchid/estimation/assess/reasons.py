@@ -96,11 +96,6 @@ def slow_reasons(fit: Fit) -> Iterator[Reason]:
 #: Provenance: benchmarks/results/verdicts.md.
 GOOD_ERROR, POOR_ERROR = 1.7, 3.3
 
-#: Error in % of the peak that is bad, and how many % of the readings of virtual trucks had a larger one, by their
-#: expected error up to a limit. Provenance: benchmarks/results/verdicts.md, 480 readings of 48 hybrids.
-BAD_ERROR = 2.0
-SHARES_OFF = ((1.7, 6.0), (2.5, 12.0), (3.3, 24.0), (np.inf, 45.0))
-
 #: Probability that a change moves a truck less far from its calibration, by the prior of changes: beyond the first the
 #: inputs may be wrong, beyond the second the calibration is of another truck. Provenance: `benchmarks/pairs.py`,
 #: benchmarks/results/verdicts.md.
@@ -222,14 +217,6 @@ def expected_error(fit: Fit) -> float:
     std = (curve.high - curve.low)[inside] / (2 * QUANTILE)
     peak = float(curve.force[curve.peak(furthest)])
     return 100.0 * float(np.sqrt(np.mean(std**2))) / peak if std.size and peak > 0.0 else float("nan")
-
-
-def share_off(fit: Fit) -> float:
-    """How many % of the readings of virtual trucks with such an expected error had a bad one; NaN for another fit."""
-    expected = expected_error(fit)
-    if fit.departure is None or not np.isfinite(expected):
-        return float("nan")
-    return next(share for limit, share in SHARES_OFF if expected <= limit)
 
 
 def is_explained(fit: Fit) -> bool:

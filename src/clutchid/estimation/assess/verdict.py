@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal, NamedTuple
@@ -13,7 +13,7 @@ from clutchid.arguments import checked
 from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit, reach
 from clutchid.estimation.assess.pressure import pressure_notes
-from clutchid.estimation.assess.reasons import BAD_ERROR, bound_notes, reason_apart, reasons, share_off, valve_notes
+from clutchid.estimation.assess.reasons import bound_notes, reason_apart, reasons, valve_notes
 from clutchid.estimation.assess.travel import unchecked_gains
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.identifiability import in_words
@@ -220,7 +220,7 @@ class Verdict:
     notes
         What looks like a reason and is none, one sentence each.
     experience
-        How far off the loads of such fits were on virtual trucks, in a sentence; empty where that is not known.
+        How far off loads without a calibration were on virtual trucks, in a sentence; empty for others.
     noise_only
         Whether the interval lacks the errors of what is assumed, as without a calibration.
 
@@ -292,7 +292,7 @@ def verdict(fit: Fit) -> Verdict:
         return Verdict(trust, texts, flawed=flawed)
     notes = (*pressure_notes(fit), *bound_notes(fit), *valve_notes(fit, evidence(fit)))
     return Verdict(
-        trust, texts, (*unchecked_gains(fit), *_unseen(fit)), flawed, notes, _experience(fit, against), noise_only(fit)
+        trust, texts, (*unchecked_gains(fit), *_unseen(fit)), flawed, notes, _experience(fit), noise_only(fit)
     )
 
 
@@ -314,22 +314,16 @@ def _as_in_the_paper(fit: Fit) -> bool:
     return load_alone and by_position and fit.actuator.model == Actuator().model and of_the_paper(fit)
 
 
-def _experience(fit: Fit, reasons: Sequence[Reason]) -> str:
-    """How far off the loads of such fits were on virtual trucks, in a sentence.
-
-    For a reading that is how often, if no reason is there that the readings of the virtual trucks did not have.
-    """
-    if noise_only(fit) and not _as_in_the_paper(fit):
-        return f"{NOISE_ONLY}: the error of what is assumed is not in it."
-    if noise_only(fit):
-        return (
-            f"{NOISE_ONLY}: on virtual trucks the median error of such a load was {PAPER_OFF} % of its peak, and its "
-            f"band contained {PAPER_HELD} % of the points."
-        )
-    share = share_off(fit)
-    if not np.isfinite(share) or not all(reason.banded for reason in reasons):
+def _experience(fit: Fit) -> str:
+    """How far off loads without a calibration were on virtual trucks, in a sentence; empty for others."""
+    if not noise_only(fit):
         return ""
-    return f"on virtual trucks {share:.0f} % of such readings had a load error above {BAD_ERROR:g} %."
+    if not _as_in_the_paper(fit):
+        return f"{NOISE_ONLY}: the error of what is assumed is not in it."
+    return (
+        f"{NOISE_ONLY}: on virtual trucks the median error of such a load was {PAPER_OFF} % of its peak, and its "
+        f"band contained {PAPER_HELD} % of the points."
+    )
 
 
 def _unseen(fit: Fit) -> tuple[str, ...]:

@@ -1,0 +1,330 @@
+"""What a reading says of its inputs: ``python benchmarks/causes.py`` prints its tables from `results/causes.jsonl`.
+
+``--store FOLDER`` makes the readings that the file lacks, with calibrations kept in FOLDER; it can be stopped and called
+again. Trucks 5200 on of families A and B and hybrids h:41 on are calibrated once, with pressure and supply pressure, and
+their worn clutch (1.5 mm) is read for 12 s with the chamber pressure recorded and not fitted:
+
+- sound: under every case of `widening.py`, from position alone and with the supply pressure;
+- faults: unchanged, with an input spoiled in each way of `FAULTS`;
+- others: with the calibration of the truck before.
+
+Each is also observed. A line has what was decided, and what it was decided by, so that other limits can be tried.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from online import calibrated
+from scipy.special import chdtr
+from scipy.stats import beta
+from widening import ANOTHER, CASES, LATE, WEAR, seeds
+
+from clutchid import FitRequest, fit, parameter_file, read_parameters, write_parameters
+from clutchid.errors import ClutchidError
+from clutchid.estimation.assess.observed import indicators, observed_verdict
+from clutchid.estimation.assess.pressure import pressure_reasons, pressure_test, pressure_tests
+from clutchid.estimation.assess.reasons import (
+    ANOTHER as ANOTHER_BEYOND,
+    departs,
+    expected_error,
+    is_explained,
+    named_cause,
+    reading_reasons,
+    reasons,
+    supply_reasons,
+)
+from clutchid.estimation.assess.travel import travel_changes, travel_reasons
+from clutchid.estimation.causes import innovations_ratio
+from clutchid.estimation.parameter_file import ParameterFile
+from clutchid.inference.uncertainty.conditions import GAUGE
+from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.observer.observer import Observer, observer
+from clutchid.observer.recording import ObservedRecording, observe_recording
+from clutchid.study.proving.ground import STROKES_A_METRE
+from clutchid.truck import GRID, Drive, Vehicle, drive, truck
+
+#: Stored readings, a line each.
+STORED = Path(__file__).parent / "results" / "causes.jsonl"
+
+#: Seconds of a recording.
+SECONDS = 12.0
+
+#: Columns that a recording lacks, by what it has beside position and duty cycles.
+LACKING = {"position": ("temperature_ambient", "pressure_supply"), "supply": ("temperature_ambient",)}
+
+#: Numbers of the trucks by family, for sound recordings; how many of each are spoiled, and have another's calibration.
+NUMBERS = {"A": range(5200, 5209), "B": range(5200, 5208), "h": range(41, 49)}
+SPOILED, OTHERS = 2, 4
+
+
+def _with_duties(of: Callable[..., FloatArray]) -> Callable[[Log], Log]:
+    return lambda log: log.with_columns(**{name: of(log[name]) for name in INPUTS})
+
+
+def _late(seconds: float) -> Callable[[Log], Log]:
+    return lambda log: log.with_columns(position=np.interp(log.time - seconds, log.time, log["position"]))
+
+
+def _filtered(lag: float) -> Callable[[Log], Log]:
+    def spoil(log: Log) -> Log:
+        shown, decay = log["position"].copy(), np.exp(-np.diff(log.time) / lag)
+        for i, share in enumerate(decay.tolist(), 1):
+            shown[i] = share * shown[i - 1] + (1.0 - share) * shown[i]
+        return log.with_columns(position=shown)
+
+    return spoil
+
+
+def _clock(fast: float) -> Callable[[Log], Log]:
+    def spoil(log: Log) -> Log:
+        begin, length = log.time[0], len(log)
+        at = np.searchsorted(log.time, begin + (log.time - begin) * (1.0 + fast), side="right") - 1
+        return log.with_columns(**{name: log[name][np.clip(at, 0, length - 1)] for name in INPUTS})
+
+    return spoil
+
+
+def _inverted(*names: str) -> Callable[[Log], Log]:
+    return lambda log: log.with_columns(**{name: 1.0 - log[name] for name in names})
+
+
+def _gain(gain: float) -> Callable[[Log], Log]:
+    return lambda log: log.with_columns(position=gain * log["position"])
+
+
+#: How inputs are spoiled: what is recorded, the cause that it is, and what is done.
+FAULTS: dict[str, tuple[str, str, Callable[[Log], Log]]] = {
+    "position 60 ms late": ("position", "shift", _late(0.06)),
+    "position 20 ms late": ("position", "shift", _late(0.02)),
+    "position 30 ms early": ("position", "shift", _late(-0.03)),
+    "position filtered, 20 ms": ("position", "filter", _filtered(0.02)),
+    "position filtered, 8 ms": ("position", "filter", _filtered(0.008)),
+    "duty cycles x 0.8": ("position", "gain of the duty cycles", _with_duties(lambda duty: 0.8 * duty)),
+    "duty cycles x 1.25": (
+        "position", "gain of the duty cycles", _with_duties(lambda duty: np.minimum(1.25 * duty, 1.0))
+    ),
+    "clock 0.3 % fast": ("position", "clock", _clock(0.003)),
+    "clock 0.3 % slow": ("position", "clock", _clock(-0.003)),
+    "supply valve inverted": ("position", "duty_supply inverted", _inverted(INPUTS[0])),
+    "exhaust valve inverted": ("position", "duty_exhaust inverted", _inverted(INPUTS[1])),
+    "both inverted": ("position", "both inverted", _inverted(*INPUTS)),
+    "valves swapped": (
+        "position", "swapped", lambda log: log.with_columns(**dict(zip(INPUTS, (log[i] for i in INPUTS[::-1]), strict=True)))
+    ),
+    "supply in gauge": (
+        "supply", GAUGE, lambda log: log.with_columns(pressure_supply=log["pressure_supply"] - 1.01325e5)
+    ),
+    **{f"position x {gain:g}": ("position", "travel", _gain(gain)) for gain in (0.9, 0.95, 1.05, 1.1)},
+    **{f"position x {gain:g}, far stop": ("position", "travel", _gain(gain)) for gain in (0.9, 0.95, 1.05, 1.1)},
+}  # fmt: skip
+
+
+class Job(NamedTuple):
+    """A reading: `kind` 'sound', 'fault' or 'other', the truck and its case."""
+
+    kind: str
+    family: str
+    number: int
+    case: str
+    recorded: str
+
+    @property
+    def name(self) -> str:
+        """Its name among the stored ones."""
+        return "/".join(map(str, self))
+
+
+def jobs() -> list[Job]:
+    """All of them."""
+    sound = [case for case in CASES if case not in (LATE, ANOTHER)]
+    trucks = [(family, number) for family, numbers in NUMBERS.items() for number in numbers]
+    spoiled = [(family, number) for family, numbers in NUMBERS.items() for number in numbers[:SPOILED]]
+    others = [(family, number) for family, numbers in NUMBERS.items() for number in numbers[1 : 1 + OTHERS]]
+    return [
+        *(Job("sound", *of, case, recorded) for of in trucks for case in sound for recorded in LACKING),
+        *(Job("fault", *of, name, fault[0]) for of in spoiled for name, fault in FAULTS.items()),
+        *(Job("other", *of, "nothing", recorded) for of in others for recorded in LACKING),
+    ]
+
+
+def vehicle(family: str, number: int) -> Vehicle:
+    """A truck of a family, or a hybrid."""
+    return truck(0, f"h:{number}") if family == "h" else truck(number, family)
+
+
+def calibration(family: str, number: int, folder: Path, far: bool) -> ParameterFile:
+    """The calibration of a truck; `far` from a recording that reaches the far stop."""
+    path, kind, seed = (
+        folder / f"{family}{number}{'_far' if far else ''}.toml",
+        vehicle(family, number),
+        seeds(number)[0],
+    )
+    if not far:
+        return calibrated(kind, seed, path, conditions=True)
+    if not path.exists():
+        log = pressed(kind, seed, {}, seconds=10.0).log
+        write_parameters(parameter_file(fit(log, measure=("position", "pressure_a"), free=("auto",))), path)
+    return read_parameters(path)
+
+
+def pressed(kind: Vehicle, seed: int, worn: Mapping[str, Any], seconds: float = SECONDS) -> Drive:
+    """A drive that ends with the piston pressed to the far stop."""
+    first = drive(kind, seconds=seconds, seed=seed, conditions=True, **worn)
+    duties = np.column_stack([first.log[name] for name in INPUTS])
+    end, press, vent = len(duties), 500, 300
+    duties[end - press - vent : end - vent] = 1.0, 0.0
+    duties[end - vent :] = 0.0, 1.0
+    return drive(kind, seconds=seconds, seed=seed, conditions=True, duties=duties, **worn)
+
+
+def recorded_drive(job: Job) -> Drive:
+    """The recording of the worn clutch, before it is spoiled."""
+    kind, seed = vehicle(job.family, job.number), seeds(job.number)[1]
+    worn = {"wear": WEAR, "cycles": WEAR * STROKES_A_METRE}
+    if "far stop" in job.case:
+        return pressed(kind, seed, worn)
+    changes, options = CASES[job.case if job.kind == "sound" else "nothing"]
+    return drive(kind, seconds=SECONDS, seed=seed, change=changes, conditions=True, **worn, **options(kind))
+
+
+def line(job: Job, folder: Path) -> dict[str, Any]:
+    """What is stored of a reading, and of the load on line."""
+    worn = recorded_drive(job)
+    log = worn.log.without(*(name for name in LACKING[job.recorded] if name in worn.log))
+    log = FAULTS[job.case][2](log) if job.kind == "fault" else log
+    known = calibration(job.family, job.number - (job.kind == "other"), folder, far="far stop" in job.case)
+    truth = worn.truth.load(GRID)
+    touch, peak = (GRID >= 5e-3) & (GRID <= 8e-3), float(truth.max())
+
+    def off(force: FloatArray) -> float:
+        return 100 * float(np.sqrt(np.mean((force - truth)[touch] ** 2))) / peak
+
+    assert known.calibration is not None
+    return {
+        "job": job.name,
+        "read": _caught(lambda: _read(log, known, off)),
+        "observed": _caught(lambda: _observed(log, known, off)),
+    }
+
+
+def _caught(result: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    try:
+        return result()
+    except ClutchidError as error:
+        return {"refused": str(error)}
+
+
+def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
+    assert known.calibration is not None
+    answer = fit(log, known.actuator, FitRequest(calibration=known.calibration))
+    departure, curve = answer.departure, answer.load_curve
+    assert departure is not None
+    test = next(iter(pressure_tests(answer).values()), None)
+    travel = next(iter(travel_changes(answer).values()), None)
+    of_causes = {reason.text for rule in (pressure_reasons, travel_reasons, supply_reasons) for reason in rule(answer)}
+    if not is_explained(answer):
+        of_causes.add(next(reading_reasons(answer)).text)
+    others = [reason for reason in reasons(answer) if reason.text not in of_causes]
+    return {
+        "off": off(np.interp(GRID, curve.position, curve.force)),
+        "expected": expected_error(answer),
+        "trust": answer.verdict.trust,
+        "otherwise": "none" if any(reason.grave for reason in others) else "with care" if others else "good",
+        "nearer": float(chdtr(departure.expected, departure.distance)) if departure.expected > 0.0 else None,
+        "misfit": departure.misfit,
+        "innovations": innovations_ratio(log, known.actuator, known.calibration),
+        "pressure": [*test] if test else None,
+        "travel": [travel.ratio, travel.checked] if travel else None,
+        "cause": (named := named_cause(answer)) and [named.name, named.size],
+        "causes": [[cause.name, cause.size, cause.innovations] for cause in answer.causes[:3]],
+        "gauge": GAUGE in answer.alternatives,
+        "said": sorted(
+            [name for name, rule in RULES.items() if any(True for _ in rule(answer))]
+            + ([] if is_explained(answer) else [named.name if named else "another truck" if departs(answer) else "far"])
+        ),
+    }
+
+
+#: Causes that a reading names, by their reasons.
+RULES = {"pressure": pressure_reasons, "travel": travel_reasons, GAUGE: supply_reasons}
+
+
+def _observed(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
+    follower = observer(known.actuator, calibration=known.calibration)
+    run = observe_recording(follower, log)
+    shown = indicators(run)
+    verdict = observed_verdict(shown)
+    return {
+        "off": off(follower.load(run.after).force(GRID)),
+        "trust": verdict.trust,
+        "half_width": shown.half_width,
+        "mismatch": shown.mismatch,
+        "flagged": {name: round(share, 4) for name, share in shown.flagged.items() if share},
+        "supply": shown.supply,
+        "strokes": shown.strokes,
+        "pressure": _pressure(run, follower),
+    }
+
+
+def _pressure(run: ObservedRecording, follower: Observer) -> list[float] | None:
+    """The test of an observer by the measured pressure: rms, and what sensor, and sensor and load, leave."""
+    states = run.observer.actuator.states
+    estimated, std = run.samples.states[:, states.index("p_A")], run.deviation("p_A")
+    test = pressure_test(run.log["pressure_a"], estimated, std, follower.spacing)
+    return [*test] if test else None
+
+
+def stored() -> list[dict[str, Any]]:
+    """The lines of the file."""
+    return [json.loads(text) for text in STORED.read_text(encoding="utf-8").splitlines()] if STORED.exists() else []
+
+
+def store(folder: Path, workers: int) -> None:
+    """Make the readings that the file lacks, a truck with its calibrations first."""
+    folder.mkdir(parents=True, exist_ok=True)
+    there = {row["job"] for row in stored()}
+    lacking = [job for job in jobs() if job.name not in there]
+    by_truck: dict[tuple[str, int], list[Job]] = {}
+    for job in lacking:
+        by_truck.setdefault((job.family, job.number), []).append(job)
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
+        STORED.open("a", encoding="utf-8") as out,
+    ):
+        for lines in pool.map(partial(_of_truck, folder=folder), by_truck.values()):
+            out.writelines(json.dumps(row) + "\n" for row in lines)
+            out.flush()
+
+
+def _of_truck(of: list[Job], folder: Path) -> list[dict[str, Any]]:
+    rows = []
+    for job in of:
+        try:
+            rows.append(line(job, folder))
+        except ClutchidError as error:
+            rows.append({"job": job.name, "read": {"refused": str(error)}, "observed": {"refused": str(error)}})
+    return rows
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--store", type=Path, metavar="FOLDER", help="make the readings that the file lacks")
+    options.add_argument("--workers", type=int, default=1)
+    chosen = options.parse_args()
+    os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    if chosen.store:
+        store(chosen.store, chosen.workers)
+
+
+if __name__ == "__main__":
+    main()
