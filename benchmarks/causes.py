@@ -1,8 +1,8 @@
 """What a reading says of its inputs: ``python benchmarks/causes.py`` prints its tables from `results/causes.jsonl`.
 
-``--store FOLDER`` makes the readings that the file lacks, with calibrations kept in FOLDER; it can be stopped and called
-again. Trucks 5200 on of families A and B and hybrids h:41 on are calibrated once, with pressure and supply pressure, and
-their worn clutch (1.5 mm) is read for 12 s with the chamber pressure recorded and not fitted:
+``--store FOLDER`` makes the readings that the file lacks, with calibrations kept in FOLDER; it can be stopped and
+called again. Trucks 5200 on of families A and B and hybrids h:41 on are calibrated once, with pressure and supply
+pressure, and their worn clutch (1.5 mm) is read for 12 s with the chamber pressure recorded and not fitted:
 
 - sound: under every case of `widening.py`, from position alone and with the supply pressure;
 - faults: unchanged, with an input spoiled in each way of `FAULTS`;
@@ -16,9 +16,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import chain
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,25 +33,30 @@ from widening import ANOTHER, CASES, LATE, WEAR, seeds
 
 from clutchid import FitRequest, fit, parameter_file, read_parameters, write_parameters
 from clutchid.errors import ClutchidError
-from clutchid.estimation.assess.observed import indicators, observed_verdict
-from clutchid.estimation.assess.pressure import pressure_reasons, pressure_test, pressure_tests
+from clutchid.estimation.assess.observed import Indicators, indicators, observed_verdict
+from clutchid.estimation.assess.pressure import PressureTest, pressure_reasons, pressure_tests
+from clutchid.estimation.assess.reasons import ANOTHER as BEYOND
 from clutchid.estimation.assess.reasons import (
-    ANOTHER as ANOTHER_BEYOND,
-    departs,
+    FAR,
+    FOLLOWED,
+    MISFIT,
+    POOR_MISFIT,
     expected_error,
     is_explained,
     named_cause,
     reading_reasons,
     reasons,
     supply_reasons,
+    uncorrected,
 )
 from clutchid.estimation.assess.travel import travel_changes, travel_reasons
-from clutchid.estimation.causes import innovations_ratio
 from clutchid.estimation.parameter_file import ParameterFile
+from clutchid.estimation.result import InputFault
 from clutchid.inference.uncertainty.conditions import GAUGE
 from clutchid.log import INPUTS, FloatArray, Log
-from clutchid.observer.observer import Observer, observer
-from clutchid.observer.recording import ObservedRecording, observe_recording
+from clutchid.observer import observe_recording, observer
+from clutchid.observer.health import FLAGS
+from clutchid.strokes.travel import GAIN, MORE
 from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
@@ -119,7 +126,7 @@ FAULTS: dict[str, tuple[str, str, Callable[[Log], Log]]] = {
     "exhaust valve inverted": ("position", "duty_exhaust inverted", _inverted(INPUTS[1])),
     "both inverted": ("position", "both inverted", _inverted(*INPUTS)),
     "valves swapped": (
-        "position", "swapped", lambda log: log.with_columns(**dict(zip(INPUTS, (log[i] for i in INPUTS[::-1]), strict=True)))
+        "position", "swapped", lambda log: log.with_columns(duty_supply=log[INPUTS[1]], duty_exhaust=log[INPUTS[0]])
     ),
     "supply in gauge": (
         "supply", GAUGE, lambda log: log.with_columns(pressure_supply=log["pressure_supply"] - 1.01325e5)
@@ -228,7 +235,8 @@ def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) ->
     assert known.calibration is not None
     answer = fit(log, known.actuator, FitRequest(calibration=known.calibration))
     departure, curve = answer.departure, answer.load_curve
-    assert departure is not None
+    if departure is None:
+        return {"refused": answer.message}
     test = next(iter(pressure_tests(answer).values()), None)
     travel = next(iter(travel_changes(answer).values()), None)
     of_causes = {reason.text for rule in (pressure_reasons, travel_reasons, supply_reasons) for reason in rule(answer)}
@@ -242,21 +250,12 @@ def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) ->
         "otherwise": "none" if any(reason.grave for reason in others) else "with care" if others else "good",
         "nearer": float(chdtr(departure.expected, departure.distance)) if departure.expected > 0.0 else None,
         "misfit": departure.misfit,
-        "innovations": innovations_ratio(log, known.actuator, known.calibration),
+        "innovations": uncorrected(answer.causes).innovations if answer.causes else None,
         "pressure": [*test] if test else None,
         "travel": [travel.ratio, travel.checked] if travel else None,
-        "cause": (named := named_cause(answer)) and [named.name, named.size],
         "causes": [[cause.name, cause.size, cause.innovations] for cause in answer.causes[:3]],
         "gauge": GAUGE in answer.alternatives,
-        "said": sorted(
-            [name for name, rule in RULES.items() if any(True for _ in rule(answer))]
-            + ([] if is_explained(answer) else [named.name if named else "another truck" if departs(answer) else "far"])
-        ),
     }
-
-
-#: Causes that a reading names, by their reasons.
-RULES = {"pressure": pressure_reasons, "travel": travel_reasons, GAUGE: supply_reasons}
 
 
 def _observed(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
@@ -272,16 +271,8 @@ def _observed(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]
         "flagged": {name: round(share, 4) for name, share in shown.flagged.items() if share},
         "supply": shown.supply,
         "strokes": shown.strokes,
-        "pressure": _pressure(run, follower),
+        "pressure": [*shown.pressure] if shown.pressure else None,
     }
-
-
-def _pressure(run: ObservedRecording, follower: Observer) -> list[float] | None:
-    """The test of an observer by the measured pressure: rms, and what sensor, and sensor and load, leave."""
-    states = run.observer.actuator.states
-    estimated, std = run.samples.states[:, states.index("p_A")], run.deviation("p_A")
-    test = pressure_test(run.log["pressure_a"], estimated, std, follower.spacing)
-    return [*test] if test else None
 
 
 def stored() -> list[dict[str, Any]]:
@@ -290,40 +281,146 @@ def stored() -> list[dict[str, Any]]:
 
 
 def store(folder: Path, workers: int) -> None:
-    """Make the readings that the file lacks, a truck with its calibrations first."""
+    """Make the readings that the file lacks, the families in turn."""
     folder.mkdir(parents=True, exist_ok=True)
     there = {row["job"] for row in stored()}
     lacking = [job for job in jobs() if job.name not in there]
-    by_truck: dict[tuple[str, int], list[Job]] = {}
-    for job in lacking:
-        by_truck.setdefault((job.family, job.number), []).append(job)
-    with (
-        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
-        STORED.open("a", encoding="utf-8") as out,
-    ):
-        for lines in pool.map(partial(_of_truck, folder=folder), by_truck.values()):
-            out.writelines(json.dumps(row) + "\n" for row in lines)
-            out.flush()
+    lacking.sort(key=lambda job: (NUMBERS[job.family].index(job.number), job.family))
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(partial(_line, folder=folder), lacking):
+            with STORED.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
 
 
-def _of_truck(of: list[Job], folder: Path) -> list[dict[str, Any]]:
-    rows = []
-    for job in of:
-        try:
-            rows.append(line(job, folder))
-        except ClutchidError as error:
-            rows.append({"job": job.name, "read": {"refused": str(error)}, "observed": {"refused": str(error)}})
-    return rows
+def _line(job: Job, folder: Path) -> dict[str, Any]:
+    """The line of a reading, also where the truck has no calibration."""
+    try:
+        return line(job, folder)
+    except ClutchidError as error:
+        return {"job": job.name, "read": {"refused": str(error)}, "observed": {"refused": str(error)}}
+
+
+def said(read: Mapping[str, Any]) -> list[str]:
+    """The causes that a stored reading names, by the rules as they are now."""
+    names = [GAUGE] if read["gauge"] else []
+    if read["travel"]:
+        ratio, checked = read["travel"]
+        names += ["travel"] if (abs(ratio - 1.0) >= GAIN if checked else ratio > 1.0 + MORE) else []
+    test = PressureTest(*read["pressure"]) if read["pressure"] else None
+    if test and test.deviates:
+        names.append("pressure contradicts" if test.contradicts else "pressure deviates")
+    nearer, followed = read["nearer"] or 0.0, (read["innovations"] or np.inf) <= FOLLOWED
+    if nearer > FAR or read["misfit"] > MISFIT:
+        beyond, fault = nearer > BEYOND or read["misfit"] > POOR_MISFIT, cause_of(read)
+        if fault or nearer > BEYOND or not followed:
+            names.append(fault or ("another truck" if beyond else "far"))
+    return names
+
+
+def cause_of(read: Mapping[str, Any]) -> str:
+    """The fault of the inputs that a stored reading names; empty without one."""
+    causes = [
+        InputFault(name, "" if name == "as recorded" else name, "", size, ratio, 0.0)
+        for name, size, ratio in read["causes"]
+    ]
+    named = named_cause([*causes, InputFault("as recorded", "", "", 0.0, read["innovations"], 0.0)]) if causes else None
+    return named.name if named else ""
+
+
+def trust_of(read: Mapping[str, Any]) -> str:
+    """The trust in a stored reading, by the rules as they are now."""
+    names, careful = {*said(read)}, {"travel", GAUGE, "far", "pressure deviates"}
+    if names - careful or read["otherwise"] == "none":
+        return "none"
+    return "with care" if names else str(read["otherwise"])
+
+
+def observed_trust(load: Mapping[str, Any]) -> str:
+    """The trust in a stored load on line, by the rules as they are now."""
+    flagged, test = dict.fromkeys(FLAGS, 0.0) | load["flagged"], load["pressure"]
+    shown = Indicators(True, load["strokes"], load["half_width"], load["mismatch"], flagged, load["supply"])
+    return observed_verdict(shown._replace(pressure=PressureTest(*test) if test else None)).trust
+
+
+def at_most(count: int, of: int) -> str:
+    """A count, its share in %, and the upper limit of that, of 95 %."""
+    if not of:
+        return "-"
+    upper = 100 * float(beta.ppf(0.95, count + 1, of - count)) if count < of else 100.0
+    return f"{count} of {of} ({100 * count / of:.1f} %, at most {upper:.1f})"
+
+
+def in_order(trusts: Mapping[str, int]) -> str:
+    """Counts of good, with care and none."""
+    return " / ".join(str(trusts.get(trust, 0)) for trust in ("good", "with care", "none"))
+
+
+def print_sound(rows: Sequence[Mapping[str, Any]]) -> None:
+    """How often each cause is named of sound recordings."""
+    reads = [row["read"] for row in rows if row["job"].startswith("sound/") and "off" in row["read"]]
+    named = [said(read) for read in reads]
+    print(f"{len(reads)} sound readings\n")
+    print("| cause | named | off: median, largest [%] | off at most 2 % | of these good otherwise |")
+    print("|---|---|---|---|---|")
+    for cause in [*dict.fromkeys(chain.from_iterable(named)), "any"]:
+        some = [read for read, names in zip(reads, named, strict=True) if cause in names or (cause == "any" and names)]
+        off, right = [read["off"] for read in some], [read for read in some if read["off"] <= 2.0]
+        good = sum(read["otherwise"] == "good" for read in right)
+        cells = f"{np.median(off):.1f}, {max(off):.1f} | {at_most(len(right), len(reads))} | {good}" if off else " | | "
+        print(f"| {cause} | {at_most(len(some), len(reads))} | {cells} |")
+
+
+def print_trust(rows: Sequence[Mapping[str, Any]], how: str, trust: Callable[[Mapping[str, Any]], str]) -> None:
+    """Good loads and those of them beyond 2 %, by family and what was recorded, the pressure left out."""
+    print(f"\nTrust in sound recordings without pressure, {how}\n")
+    print("| family | recorded | good / with care / none | good beyond 2 % | largest [%] |")
+    print("|---|---|---|---|---|")
+    for family in NUMBERS:
+        for recorded in LACKING:
+            of = (row for row in rows if row["job"].startswith(f"sound/{family}/"))
+            loads = [row[how] | {"pressure": None} for row in of if row["job"].endswith(recorded) and "off" in row[how]]
+            good = [load["off"] for load in loads if trust(load) == "good"]
+            beyond = at_most(sum(off > 2.0 for off in good), len(good))
+            counts = in_order(Counter(map(trust, loads)))
+            print(f"| {family} | {recorded} | {counts} | {beyond} | {max(good, default=np.nan):.1f} |")
+
+
+def print_spoiled(rows: Sequence[Mapping[str, Any]]) -> None:
+    """What readings and observers say of spoiled inputs, and of the calibration of another truck."""
+    print("\n| fault | readings | refused by a check | named | trust of the others | off [%] | trust on line |")
+    print("|---|---|---|---|---|---|---|")
+    others = {"nothing": ("", "another truck", None)}
+    for case, (_, cause, _) in (FAULTS | others).items():
+        kind = "other" if case in others else "fault"
+        of = [row for row in rows if row["job"].split("/")[0] == kind and row["job"].split("/")[3] == case]
+        reads = [row["read"] for row in of if "off" in row["read"]]
+        off = [read["off"] for read in reads]
+        cells = [
+            "the calibration of another truck" if case in others else case,
+            str(len(of)),
+            str(len(of) - len(reads)),
+            str(sum(cause in said(read) for read in reads)),
+            in_order(Counter(map(trust_of, reads))),
+            f"{min(off, default=np.nan):.1f} to {max(off, default=np.nan):.1f}",
+            in_order(Counter(observed_trust(row["observed"]) for row in of if "off" in row["observed"])),
+        ]
+        print(f"| {' | '.join(cells)} |")
 
 
 def main() -> None:
-    options = argparse.ArgumentParser(description=__doc__)
+    """Print the tables, or make what they lack."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--store", type=Path, metavar="FOLDER", help="make the readings that the file lacks")
     options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     if chosen.store:
         store(chosen.store, chosen.workers)
+    rows = stored()
+    print_sound(rows)
+    print_trust(rows, "read", trust_of)
+    print_trust(rows, "observed", observed_trust)
+    print_spoiled(rows)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ import pytest
 
 import clutchid
 from clutchid.estimation.assess.pressure import pressure_test
-from clutchid.estimation.causes import compared_causes, is_cause
+from clutchid.estimation.assess.reasons import named_cause
+from clutchid.estimation.causes import compared_causes
 from clutchid.inference.uncertainty.conditions import RecordedConditions, supply_difference
 from clutchid.log import INPUTS, Log
 from clutchid.strokes.travel import Travel, travel_change, travel_of
@@ -46,13 +47,13 @@ FAULTS = {
 def test_a_fault_of_the_inputs_is_named_with_its_size(recording, calibrated, name):
     spoil, size, tolerance = FAULTS[name]
     causes = compared_causes(spoil(recording), calibrated.actuator, calibrated.calibration)
-    assert (causes[0].name, is_cause(causes)) == (name, True)
+    assert (causes[0].name, named_cause(causes)) == (name, causes[0])
     assert causes[0].size == pytest.approx(size, abs=tolerance)
 
 
 @pytest.mark.slow
 def test_a_sound_recording_has_no_cause(recording, calibrated):
-    assert not is_cause(compared_causes(recording, calibrated.actuator, calibrated.calibration))
+    assert named_cause(compared_causes(recording, calibrated.actuator, calibrated.calibration)) is None
 
 
 @pytest.mark.parametrize(("bar", "named"), [(7.64, True), (9.66, True), (8.2, False), (8.65, False), (6.5, False)])

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.assess.reasons import is_explained
+from clutchid.estimation.assess.reasons import SUSPICIOUS, is_explained, named_cause
 from clutchid.estimation.result import Fit, InputFault
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import GAUGE, supply_difference
@@ -27,13 +27,6 @@ _COMPARED = 30.0
 
 #: Halvings of the distance to the neighbouring sizes by which the size of a fault is found, of the likeliest faults.
 _HALVINGS, _REFINED = 4, 2
-
-#: A fault is the cause if its innovations are at most as many times those of the calibration, and those of the
-#: recording as it is at least as many times these. Provenance: benchmarks/results/causes.md.
-_EXPLAINED, _BETTER = 1.6, 1.5
-
-#: Ratio of the innovations beyond which `look` compares faults. Provenance: as before.
-SUSPICIOUS = 2.0
 
 
 class _Fault(NamedTuple):
@@ -131,8 +124,9 @@ def with_causes(fit: Fit, log: Log, start: Actuator, calibration: Calibration, r
     if is_explained(fit):
         return replace(fit, alternatives=alternatives)
     causes = compared_causes(log, start, calibration)
-    if causes and (fault := _fault(causes[0].name)) is not None and is_cause(causes):
-        reading = read(fault.undone(log, causes[0].size))
+    if cause := named_cause(causes):
+        fault = next(fault for fault in _FAULTS if fault.name == cause.name)
+        reading = read(fault.undone(log, cause.size))
         alternatives |= {fault.name: reading} if is_explained(reading) else {}
     return replace(fit, causes=causes, alternatives=alternatives)
 
@@ -140,12 +134,12 @@ def with_causes(fit: Fit, log: Log, start: Actuator, calibration: Calibration, r
 def compared_causes(log: Log, actuator: Actuator, calibration: Calibration) -> tuple[InputFault, ...]:
     """Faults of the inputs, and none, by the likelihood of the innovations without them, the best first.
 
-    Empty for a recording that an observer cannot follow.
+    Faults are compared where the innovations are suspicious. Empty for a recording that an observer cannot follow.
     """
-    part = _part(log)
+    part = log.slice(0, int(np.searchsorted(log.time, log.time[0] + _COMPARED)))
     as_recorded = _cause(part, actuator, calibration, None, 0.0)
-    if as_recorded is None:
-        return ()
+    if as_recorded is None or as_recorded.innovations <= SUSPICIOUS:
+        return (as_recorded,) if as_recorded else ()
     sizes = [_tried(fault, fault.sizes, {}, part, actuator, calibration) for fault in _FAULTS]
     best = [_best(fault, tried) for fault, tried in zip(_FAULTS, sizes, strict=True)]
     likeliest = sorted(filter(None, best), key=lambda cause: -cause.log_likelihood)[:_REFINED]
@@ -153,26 +147,6 @@ def compared_causes(log: Log, actuator: Actuator, calibration: Calibration) -> t
         if best[i] in likeliest and len(fault.sizes) > 1:
             best[i] = _refined(fault, sizes[i], part, actuator, calibration)
     return tuple(sorted([as_recorded, *filter(None, best)], key=lambda cause: -cause.log_likelihood))
-
-
-def innovations_ratio(log: Log, actuator: Actuator, calibration: Calibration) -> float | None:
-    """Mean NIS in motion of a recording over that of the calibration; None where an observer cannot follow it."""
-    as_recorded = _cause(_part(log), actuator, calibration, None, 0.0)
-    return None if as_recorded is None else as_recorded.innovations
-
-
-def _part(log: Log) -> Log:
-    return log.slice(0, int(np.searchsorted(log.time, log.time[0] + _COMPARED)))
-
-
-def is_cause(causes: tuple[InputFault, ...]) -> bool:
-    """Whether the first of the compared causes explains the recording, and the recording as it is has none."""
-    (best, *_), as_recorded = causes, next(cause for cause in causes if not cause.sentence)
-    return best.innovations <= _EXPLAINED and as_recorded.innovations >= _BETTER * best.innovations
-
-
-def _fault(name: str) -> _Fault | None:
-    return next((fault for fault in _FAULTS if fault.name == name), None)
 
 
 def _tried(

@@ -25,7 +25,7 @@ _FAR = 0.6
 #: Changes of the travel to the stop, and of the travel without one, as shares of it, from which they are said: a
 #: facing of 1.5 mm wear lets the rest of the virtual trucks fall by up to 0.8 mm, 3.5 % of their stroke. Provenance:
 #: benchmarks/results/causes.md.
-GAIN, MORE = 0.03, 0.06
+GAIN, MORE = 0.03, 0.08
 
 
 class Travel(NamedTuple):
@@ -82,7 +82,7 @@ def suspect_from(before: Travel | None) -> float:
     Examples
     --------
     >>> f"{suspect_from(Travel(0.0234)):.4f}"
-    '0.0248'
+    '0.0253'
     """
     limits = [] if before is None else [before.stop * (1.0 + GAIN), before.reach * (1.0 + MORE)]
     return next(filter(math.isfinite, limits), math.inf)

@@ -57,7 +57,8 @@ def looked(
 
 def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibration) -> Iterator[Check]:
     """Checks of a recording against its calibration: travel, supply, and faults of its inputs."""
-    from clutchid.estimation.causes import SUSPICIOUS, compared_causes, innovations_ratio, is_cause
+    from clutchid.estimation.assess.reasons import named_cause, uncorrected
+    from clutchid.estimation.causes import compared_causes
     from clutchid.inference.uncertainty.conditions import gauge_sentence, supply_difference
     from clutchid.preparation.inspection import Check
     from clutchid.strokes.travel import travel_change, travel_of
@@ -71,14 +72,13 @@ def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibrati
     if difference is not None:
         value = f"{difference * 1e-5:+.2f} bar"
         yield Check("supply against calibration", value, "suspect", f"{gauge_sentence(difference)}.")
-    ratio = innovations_ratio(log, actuator, calibration)
-    if ratio is None:
+    causes = compared_causes(log, actuator, calibration)
+    if not causes:
         return
-    value = f"innovations {ratio:.1f} times those of the calibration"
-    causes = compared_causes(log, actuator, calibration) if ratio > SUSPICIOUS else ()
-    if causes and is_cause(causes):
-        yield Check("inputs", value, "suspect", f"{causes[0].sentence}; {causes[0].remedy}.")
-    elif ratio > SUSPICIOUS:
+    value = f"innovations {uncorrected(causes).innovations:.1f} times those of the calibration"
+    if cause := named_cause(causes):
+        yield Check("inputs", value, "suspect", f"{cause.sentence}; {cause.remedy}.")
+    elif len(causes) > 1:
         sentence = "no fault of the inputs explains it; clutchid estimate says what has changed, or that the truck has."
         yield Check("inputs", value, "undetermined", sentence)
     else:

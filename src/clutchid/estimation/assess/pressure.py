@@ -98,12 +98,13 @@ def pressure_reasons(fit: Fit) -> Iterator[Reason]:
 
 def pressure_reason(test: PressureTest) -> Reason:
     """That the pressure of a recording deviates, and whether the band of the load explains it."""
-    why = "and its band allow" if test.contradicts else "allows, though the band of the load does"
-    return Reason(
-        f"{difference_in_words(test)}, more than its sensor {why}: the calibration, the inputs or that sensor "
-        "are wrong; check them, or calibrate with this recording.",
-        test.contradicts,
-    )
+    text = f"{difference_in_words(test)}, more than its sensor"
+    if test.contradicts:
+        text += (
+            " and its band allow: the calibration, the inputs or that sensor are wrong; check them, or calibrate with "
+        )
+        return Reason(f"{text}this recording.", True)
+    return Reason(f"{text} explains: the load is that far off, as its band allows; calibrate with this recording.")
 
 
 def pressure_notes(fit: Fit) -> list[str]:

@@ -94,8 +94,9 @@ def stuck(reading: InspectedRecording, name: str) -> Check:
     more = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
     sentence = (
         f"{name} is constant from {start:.3f} to {stop:.3f} s{more}, {seconds:.3g} s in total, although noise or the "
-        "open valve should change it: the sensor was stuck or its last value was repeated. A fit would take it for a "
-        "piston at rest and estimate a load that does not exist; leave these samples empty."
+        "open valve should change it: the sensor was stuck, its last value was repeated, or a duty cycle is inverted. "
+        "A fit would take it for a piston at rest and estimate a load that does not exist; leave these samples empty, "
+        "or correct the duty cycle."
     )
     return Check(title, f"{seconds:.3g} s from {start:.3f} s", grade, sentence, start, stop)
 
