@@ -44,10 +44,10 @@ from clutchid.estimation.assess.reasons import (
     expected_error,
     is_explained,
     named_cause,
+    of_no_fault,
     reading_reasons,
     reasons,
     supply_reasons,
-    uncorrected,
 )
 from clutchid.estimation.assess.travel import travel_changes, travel_reasons
 from clutchid.estimation.parameter_file import ParameterFile
@@ -209,18 +209,18 @@ def line(job: Job, folder: Path) -> dict[str, Any]:
     worn = recorded_drive(job)
     log = worn.log.without(*(name for name in LACKING[job.recorded] if name in worn.log))
     log = FAULTS[job.case][2](log) if job.kind == "fault" else log
-    known = calibration(job.family, job.number - (job.kind == "other"), folder, far="far stop" in job.case)
+    content = calibration(job.family, job.number - (job.kind == "other"), folder, far="far stop" in job.case)
     truth = worn.truth.load(GRID)
     touch, peak = (GRID >= 5e-3) & (GRID <= 8e-3), float(truth.max())
 
     def off(force: FloatArray) -> float:
         return 100 * float(np.sqrt(np.mean((force - truth)[touch] ** 2))) / peak
 
-    assert known.calibration is not None
+    assert content.calibration is not None
     return {
         "job": job.name,
-        "read": _caught(lambda: _read(log, known, off)),
-        "observed": _caught(lambda: _observed(log, known, off)),
+        "read": _caught(lambda: _read(log, content, off)),
+        "observed": _caught(lambda: _observed(log, content, off)),
     }
 
 
@@ -231,9 +231,9 @@ def _caught(result: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         return {"refused": str(error)}
 
 
-def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
-    assert known.calibration is not None
-    answer = fit(log, known.actuator, FitRequest(calibration=known.calibration))
+def _read(log: Log, content: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
+    assert content.calibration is not None
+    answer = fit(log, content.actuator, FitRequest(calibration=content.calibration))
     departure, curve = answer.departure, answer.load_curve
     if departure is None:
         return {"refused": answer.message}
@@ -250,7 +250,7 @@ def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) ->
         "otherwise": "none" if any(reason.grave for reason in others) else "with care" if others else "good",
         "nearer": float(chdtr(departure.expected, departure.distance)) if departure.expected > 0.0 else None,
         "misfit": departure.misfit,
-        "innovations": uncorrected(answer.causes).innovations if answer.causes else None,
+        "innovations": of_no_fault(answer.causes).innovations if answer.causes else None,
         "pressure": [*test] if test else None,
         "travel": [travel.ratio, travel.checked] if travel else None,
         "causes": [[cause.name, cause.size, cause.innovations] for cause in answer.causes[:3]],
@@ -258,8 +258,8 @@ def _read(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) ->
     }
 
 
-def _observed(log: Log, known: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
-    follower = observer(known.actuator, calibration=known.calibration)
+def _observed(log: Log, content: ParameterFile, off: Callable[[FloatArray], float]) -> dict[str, Any]:
+    follower = observer(content.actuator, calibration=content.calibration)
     run = observe_recording(follower, log)
     shown = indicators(run)
     verdict = observed_verdict(shown)

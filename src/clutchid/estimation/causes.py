@@ -157,7 +157,7 @@ def _tried(
     actuator: Actuator,
     calibration: Calibration,
 ) -> dict[float, InputFault]:
-    """What was `tried` of a fault, and further sizes; those that cannot be followed are left out."""
+    """Sizes of a fault that were `tried`, and further ones; those that cannot be followed are left out."""
     further = {size: _cause(log, actuator, calibration, fault, size) for size in sizes if size not in tried}
     return {**tried, **{size: cause for size, cause in further.items() if cause}}
 

@@ -57,7 +57,7 @@ def looked(
 
 def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibration) -> Iterator[Check]:
     """Checks of a recording against its calibration: travel, supply, and faults of its inputs."""
-    from clutchid.estimation.assess.reasons import named_cause, uncorrected
+    from clutchid.estimation.assess.reasons import named_cause, of_no_fault
     from clutchid.estimation.causes import compared_causes
     from clutchid.inference.uncertainty.conditions import gauge_sentence, supply_difference
     from clutchid.preparation.inspection import Check
@@ -75,7 +75,7 @@ def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibrati
     causes = compared_causes(log, actuator, calibration)
     if not causes:
         return
-    value = f"innovations {uncorrected(causes).innovations:.1f} times those of the calibration"
+    value = f"innovations {of_no_fault(causes).innovations:.1f} times those of the calibration"
     if cause := named_cause(causes):
         yield Check("inputs", value, "suspect", f"{cause.sentence}; {cause.remedy}.")
     elif len(causes) > 1:

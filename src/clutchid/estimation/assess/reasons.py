@@ -146,7 +146,7 @@ def _departure_reasons(fit: Fit, departure: Departure, name: str) -> Iterator[Re
         return
     cause, nearer = named_cause(fit.causes), _nearer(departure)
     if cause is not None:
-        as_recorded = uncorrected(fit.causes)
+        as_recorded = of_no_fault(fit.causes)
         without = fit.alternatives.get(cause.name)
         load = f", and {loads_in_words(without)}" if without else ""
         yield Reason(
@@ -155,7 +155,7 @@ def _departure_reasons(fit: Fit, departure: Departure, name: str) -> Iterator[Re
             True,
         )
         return
-    if not nearer > ANOTHER and fit.causes and uncorrected(fit.causes).innovations <= FOLLOWED:
+    if not nearer > ANOTHER and fit.causes and of_no_fault(fit.causes).innovations <= FOLLOWED:
         return
     facts = []
     if nearer > FAR:
@@ -185,11 +185,11 @@ def named_cause(causes: Sequence[InputFault]) -> InputFault | None:
     if not causes or not causes[0].sentence:
         return None
     best = causes[0]
-    agrees = best.innovations <= _AGREES and uncorrected(causes).innovations >= _BETTER * best.innovations
+    agrees = best.innovations <= _AGREES and of_no_fault(causes).innovations >= _BETTER * best.innovations
     return best if agrees else None
 
 
-def uncorrected(causes: Sequence[InputFault]) -> InputFault:
+def of_no_fault(causes: Sequence[InputFault]) -> InputFault:
     """Of compared causes that of the recording as it is."""
     return next(cause for cause in causes if not cause.sentence)
 
@@ -201,7 +201,7 @@ def _compared(causes: Sequence[InputFault]) -> str:
     best = min((cause for cause in causes if cause.sentence), key=lambda cause: cause.innovations)
     return (
         "; of the inputs neither shift, filter, clock, gain nor inversion does (innovations "
-        f"{uncorrected(causes).innovations:.1f} times those of the calibration, without the likeliest fault "
+        f"{of_no_fault(causes).innovations:.1f} times those of the calibration, without the likeliest fault "
         f"{best.innovations:.1f} times)"
     )
 
