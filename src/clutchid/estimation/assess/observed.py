@@ -45,8 +45,8 @@ STROKES = Limit(2, 1)
 HALF_WIDTH = Limit(WIDE, 0.33)
 
 #: NIS in motion over that of the calibration recordings: from the first to 1.5, 23 % of the loads were off by more
-#: than 2 %, below it 12 % (benchmarks/results/causes.md). The second is the flag `unlike_calibration`; without a fault of the truck it was at
-#: most 1.84 in a minute (benchmarks/results/observer.md).
+#: than 2 %, below it 12 % (benchmarks/results/causes.md). The second is the flag `unlike_calibration`; without a fault
+#: of the truck it was at most 1.84 in a minute (benchmarks/results/observer.md).
 MISMATCH = Limit(1.2, MISMATCHED)
 
 #: Share of the time of each flag. A frozen position is not among them: a quiet sensor at rest is frozen too, and its
