@@ -41,11 +41,10 @@ from clutchid.estimation.assess.reasons import (
     FOLLOWED,
     MISFIT,
     POOR_MISFIT,
+    departure_reasons,
     expected_error,
-    is_explained,
     named_cause,
     of_no_fault,
-    reading_reasons,
     reasons,
     supply_reasons,
 )
@@ -239,9 +238,8 @@ def _read(log: Log, content: ParameterFile, off: Callable[[FloatArray], float]) 
         return {"refused": answer.message}
     test = next(iter(pressure_tests(answer).values()), None)
     travel = next(iter(travel_changes(answer).values()), None)
-    of_causes = {reason.text for rule in (pressure_reasons, travel_reasons, supply_reasons) for reason in rule(answer)}
-    if not is_explained(answer):
-        of_causes.add(next(reading_reasons(answer)).text)
+    rules = (departure_reasons, pressure_reasons, travel_reasons, supply_reasons)
+    of_causes = {reason.text for rule in rules for reason in rule(answer)}
     others = [reason for reason in reasons(answer) if reason.text not in of_causes]
     return {
         "off": off(np.interp(GRID, curve.position, curve.force)),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -42,6 +43,10 @@ class _Fault(NamedTuple):
     unit: float
     remedy: str
     harmless: tuple[float, float] = (0.0, 0.0)
+
+
+#: Follows a recording without a fault of a size, see `_cause`.
+_Follow = Callable[[_Fault | None, float], InputFault | None]
 
 
 def _moved(log: Log, late: float) -> Log:
@@ -137,40 +142,34 @@ def compared_causes(log: Log, actuator: Actuator, calibration: Calibration) -> t
     Faults are compared where the innovations are suspicious. Empty for a recording that an observer cannot follow.
     """
     part = log.slice(0, int(np.searchsorted(log.time, log.time[0] + _COMPARED)))
-    as_recorded = _cause(part, actuator, calibration, None, 0.0)
+    follow = partial(_cause, part, actuator, calibration)
+    as_recorded = follow(None, 0.0)
     if as_recorded is None or as_recorded.innovations <= SUSPICIOUS:
         return (as_recorded,) if as_recorded else ()
-    sizes = [_tried(fault, fault.sizes, {}, part, actuator, calibration) for fault in _FAULTS]
+    sizes = [_tried(fault, fault.sizes, {}, follow) for fault in _FAULTS]
     best = [_best(fault, tried) for fault, tried in zip(_FAULTS, sizes, strict=True)]
     likeliest = sorted(filter(None, best), key=lambda cause: -cause.log_likelihood)[:_REFINED]
     for i, fault in enumerate(_FAULTS):
         if best[i] in likeliest and len(fault.sizes) > 1:
-            best[i] = _refined(fault, sizes[i], part, actuator, calibration)
+            best[i] = _refined(fault, sizes[i], follow)
     return tuple(sorted([as_recorded, *filter(None, best)], key=lambda cause: -cause.log_likelihood))
 
 
 def _tried(
-    fault: _Fault,
-    sizes: Iterable[float],
-    tried: Mapping[float, InputFault],
-    log: Log,
-    actuator: Actuator,
-    calibration: Calibration,
+    fault: _Fault, sizes: Iterable[float], tried: Mapping[float, InputFault], follow: _Follow
 ) -> dict[float, InputFault]:
     """Sizes of a fault that were `tried`, and further ones; those that cannot be followed are left out."""
-    further = {size: _cause(log, actuator, calibration, fault, size) for size in sizes if size not in tried}
+    further = {size: follow(fault, size) for size in sizes if size not in tried}
     return {**tried, **{size: cause for size, cause in further.items() if cause}}
 
 
-def _refined(
-    fault: _Fault, tried: Mapping[float, InputFault], log: Log, actuator: Actuator, calibration: Calibration
-) -> InputFault | None:
+def _refined(fault: _Fault, tried: Mapping[float, InputFault], follow: _Follow) -> InputFault | None:
     """A fault with its size found by halving the distance to the neighbouring ones."""
     for _ in range(_HALVINGS):
         ordered = sorted(tried)
         at = ordered.index(max(tried, key=lambda size: tried[size].log_likelihood))
         around = ordered[max(0, at - 1) : at + 2]
-        tried = _tried(fault, ((a + b) / 2.0 for a, b in pairwise(around)), tried, log, actuator, calibration)
+        tried = _tried(fault, ((a + b) / 2.0 for a, b in pairwise(around)), tried, follow)
     return _best(fault, tried)
 
 

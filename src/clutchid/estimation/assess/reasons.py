@@ -126,7 +126,7 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
     if departure is None or fit.baseline is None:
         return
     error = expected_error(fit)
-    yield from _departure_reasons(fit, departure, _name_of(fit.baseline))
+    yield from departure_reasons(fit)
     for change in fit.changes:
         if change.name == "C_A0" and change.after > _LEAKS:
             too_much = change.after > _LEAKS_TOO_MUCH
@@ -140,9 +140,10 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
         yield Reason(text, error > POOR_ERROR, banded=True)
 
 
-def _departure_reasons(fit: Fit, departure: Departure, name: str) -> Iterator[Reason]:
+def departure_reasons(fit: Fit) -> Iterator[Reason]:
     """A recording that no change explains: the fault of its inputs that does, or the calibration of another truck."""
-    if is_explained(fit):
+    departure = fit.departure
+    if departure is None or fit.baseline is None or is_explained(fit):
         return
     cause, nearer = named_cause(fit.causes), _nearer(departure)
     if cause is not None:
@@ -157,7 +158,7 @@ def _departure_reasons(fit: Fit, departure: Departure, name: str) -> Iterator[Re
         return
     if not nearer > ANOTHER and fit.causes and of_no_fault(fit.causes).innovations <= FOLLOWED:
         return
-    facts = []
+    name, facts = _name_of(fit.baseline), []
     if nearer > FAR:
         moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
         facts.append(
