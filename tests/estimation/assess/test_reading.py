@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from clutchid import fit
 from clutchid.estimation import LoadCurve
@@ -11,12 +12,13 @@ from clutchid.estimation.assess.evidence import reach
 from clutchid.estimation.assess.reasons import (
     GOOD_ERROR,
     POOR_ERROR,
+    departure_reasons,
     expected_error,
     reading_reasons,
     slow_reasons,
 )
 from clutchid.estimation.assess.verdict import verdict
-from clutchid.estimation.result import Change, Departure, Moved
+from clutchid.estimation.result import Change, Departure, InputFault, Moved
 from fixtures.baselines import ORIGIN, with_baseline
 
 NEAR = Departure(distance=5.0, expected=15.1, misfit=1.0, moved=(Moved("F_C", 109.0, 185.0), Moved("R_1ve", 0.93, 0.9)))
@@ -87,6 +89,17 @@ def test_the_expected_error_is_that_of_the_band(reading, percent, trust):
     wide = with_error(reading, percent)
     assert expected_error(wide) == pytest.approx(percent, rel=1e-3)
     assert verdict(wide).trust == trust
+
+
+@pytest.mark.parametrize(
+    ("probability", "innovations", "said"),
+    [(0.95, 4.9, False), (0.95, 5.1, True), (0.95, None, True), (0.995, 1.0, True), (0.8, 9.0, False)],
+)
+def test_a_far_recording_is_accused_where_no_observer_follows_it(reading, probability, innovations, said):
+    distance = float(chi2.ppf(probability, NEAR.expected))
+    causes = () if innovations is None else (InputFault("as recorded", "", "", 0.0, innovations, 0.0),)
+    far = replace(reading, departure=NEAR._replace(distance=distance), causes=causes)
+    assert any(True for _ in departure_reasons(far)) == said
 
 
 def test_a_bound_does_not_lower_the_trust_in_a_reading(reading):
