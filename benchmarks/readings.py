@@ -58,9 +58,6 @@ CASES = (
 #: Columns that a reading lacks, by what it has.
 LACKING = {"position": ("temperature_ambient", "pressure_supply"), "supply": ("temperature_ambient",)}
 
-#: Observers that a reading is compared with.
-OBSERVERS = ("joint", "rls")
-
 #: A posterior without what is added to it, and with a grease that is missed by the whole load.
 PLAIN, GREASE = IntervalSettings(missed=0.0, least=0.0), IntervalSettings(missed=1.0, least=0.0)
 
@@ -158,12 +155,9 @@ def to_load(explanations: Explanations, x: FloatArray) -> FloatArray:
 
 
 def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, FloatArray]:
-    """The load that each observer has at the end of a recording."""
-    loads = {}
-    for method in OBSERVERS:
-        follower = observer(actuator, method, calibration=calibration)
-        loads[method] = follower.load(observe_recording(follower, log).after).force(GRID)
-    return loads
+    """The load that the observer has at the end of a recording, by its method."""
+    follower = observer(actuator, calibration=calibration)
+    return {follower.method: follower.load(observe_recording(follower, log).after).force(GRID)}
 
 
 def store(path: Path, number: int, family: str, cases: Sequence[str] = CASES) -> None:

@@ -122,7 +122,7 @@ def drawn(seed):
         values=np.array([20.0 * single(1)[0], np.nan if seed % 4 == 0 else 1.0]),
         later=single(ROWS, RESPONSES + ROWS),
         seed=seed,
-        settings=SettingsArrays(1, outlier, speed, 1, 0, -1, None, np.zeros((ROWS, 0)), drifts, ahead),
+        settings=SettingsArrays(1, outlier, speed, 1, 0, -1, np.zeros((ROWS, 0)), drifts, ahead),
     )  # fmt: skip
 
 

@@ -11,7 +11,6 @@ from clutchid.inference.filter import joint_filter as joint_module
 from clutchid.inference.filter.joint_filter import JointSettings, follow, init, inputs, joint_filter
 from clutchid.log import Log
 from clutchid.model.compiled import system
-from clutchid.observer.methods import MODES
 from clutchid.observer.prior import online_prior
 from clutchid.preparation.prepare import prepare
 from clutchid.simulation.noise import Noise
@@ -36,17 +35,17 @@ class Case(NamedTuple):
     outputs: object
 
 
-@pytest.fixture(scope="module", params=[None, MODES], ids=["all weights", "modes"])
-def case(request, plant, worn, recorded_by):
+@pytest.fixture(scope="module")
+def case(plant, worn, recorded_by):
     """From the load of the plant, the load of the worn one is followed from position alone."""
     log: Log = recorded_by(worn, seconds=SAMPLES * 1e-3, driven=1)
-    actuator, free, root, _ = online_prior(plant, (*plant.load.names, *FREE, "tau_y"), request.param)
+    free, root, _ = online_prior(plant, (*plant.load.names, *FREE, "tau_y"))
     bases = [c.base for c in free]
-    order = [bases.index(name) for name in (*FREE, *(name for name in actuator.load.names if name in bases), "tau_y")]
+    order = [bases.index(name) for name in (*FREE, *plant.load.names, "tau_y")]
     T = np.linalg.cholesky((root @ root.T)[np.ix_(order, order)])
     limits = 5.0 * np.ones(len(free))
     noise = Noise(states={name: row.noise for name, row in plant.state_rows.items()}, memory=0.01)
-    made = joint_filter(actuator, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings())
+    made = joint_filter(plant, [free[i] for i in order], (-limits, limits), ("position",), noise, JointSettings())
     track = tracks([prepare(log, plant, ("position",))])[0]
     state, samples = init(made, track.segment, np.zeros(len(free)), T), inputs(made, track)
     outputs = follow(made, state, samples, (0, SAMPLES))

@@ -58,7 +58,7 @@ class Exported:
 
 @pytest.fixture(
     scope="module",
-    params=[("float", "one", "joint"), ("double", "two", "states"), ("float", "one", "joint-reduced")],
+    params=[("float", "one", "joint"), ("double", "two", "states")],
     ids="-".join,
 )
 def exported(request: pytest.FixtureRequest, plant: Actuator, tmp_path_factory: pytest.TempPathFactory) -> Exported:

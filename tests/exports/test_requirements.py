@@ -47,7 +47,7 @@ def program(folder: Path, style: CStyle, change=lambda path, text: text, method=
 
 @pytest.mark.needs("cc")
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["joint-reduced", "states", "paper"])
+@pytest.mark.parametrize("method", ["states", "paper"])
 def test_every_method_keeps_them(method, tmp_path):
     run = program(tmp_path, CStyle("unit", "float", "two"), method=method)
     assert run.stdout.startswith("requirements: ok")

@@ -39,7 +39,7 @@ STRICT = (
     "-std=c99", "-O1", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wfloat-equal", "-Wundef",
     "-pedantic", "-Werror",
 )  # fmt: skip
-METHODS = ("joint", "joint-reduced", "states")
+METHODS = ("joint", "states")
 STYLES = [*product(("float", "double"), ("one", "two"))]
 
 
@@ -313,7 +313,7 @@ def test_a_restart_goes_on_from_memory_and_a_damaged_one_from_the_calibration(ob
 
 @pytest.mark.parametrize(
     ("method", "real", "rates"),
-    [*(("joint", *style) for style in STYLES), ("joint-reduced", *STYLES[0]), ("states", *STYLES[3])],
+    [*(("joint", *style) for style in STYLES), ("states", *STYLES[3])],
 )
 def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tmp_path, method, real, rates):
     estimator = observer_of(method)
@@ -339,13 +339,10 @@ def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tm
         )
 
 
-def test_what_cannot_be_exported_is_a_sentence(switched):
+def test_a_name_that_c_does_not_take_is_a_sentence():
     for name in ("2nd", "a b", "", "int", "x" * 40):
         with pytest.raises(ParameterError, match="no C identifier"):
             CStyle(name)
-    estimator = observer(switched, "adaptive")
-    with pytest.raises(ParameterError, match="joint, joint-reduced, states and paper are exported"):
-        observer_c99(estimator, start(estimator), CStyle(), "test")
 
 
 def test_a_title_cannot_end_the_comment_that_it_stands_in(switched):

@@ -43,7 +43,7 @@ def examples(log):
         log, fit, clutchid.simulate(Actuator(), log, sensitivities="P_S"), clutchid.verdict(fit),
         clutchid.simulate_many(Actuator(), log.slice(0, 400)),
         clutchid.parameter_file(fit), clutchid.drive(truck(0), seconds=0.5), Actuator(model=fan), Partition(parts=2),
-        start(observer(Actuator())), observer(Actuator()), observer(Actuator(), "states"), observer(Actuator(), "rls"),
+        start(observer(Actuator())), observer(Actuator()), observer(Actuator(), "states"),
         truck(3, "B"), clutchid.FitRequest(bounds={"P_S": (8e5, 9e5)}, priors={"P_S": clutchid.Prior(9e5, 1e4)}),
     ]  # fmt: skip
 

@@ -169,5 +169,3 @@ def test_a_temperature_that_the_calibration_lacks_is_not_used_and_that_is_said(p
     (sentence,) = unused_conditions(without, log)
     assert "temperature_ambient is not used, because the calibration does not have it" in sentence
     assert unused_conditions(observer(plant, calibration=calibration()), log) == ()
-    (sentence,) = unused_conditions(observer(plant, "rls", calibration=calibration()), log)
-    assert "temperature_ambient is not used by the method 'rls'" in sentence

@@ -6,9 +6,8 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from clutchid.documents.observe_rows import observe_json
 from clutchid.inference.filter.joint_filter import Diverged
-from clutchid.inference.uncertainty.calibration import Calibration, Origin
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.health import health
@@ -71,12 +70,6 @@ def test_a_recording_that_cannot_be_observed_is_left_out(plant, calibration, rec
     full = log.with_columns(duty_supply=1.01 * log["duty_supply"] / log["duty_supply"].max())
     assert np.isnan(usual_nis(plant, calibration, [full]))
     assert usual_nis(plant, calibration, [full, log, log.slice(0, 1)]) == calibration.nis
-
-
-def test_observers_without_a_covariance_compare_no_innovations(plant, calibration, log):
-    rls = observer(plant, "rls", calibration=calibration)
-    assert not rls.compares
-    assert observe_json(observe_recording(rls, log.slice(0, 2000)), Origin())["nis_ratio"] is None
 
 
 def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(calibrated, sound, strange_log):

@@ -9,9 +9,11 @@ import pytest
 
 from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
+from clutchid.inference.filter.joint_filter import drifted
 from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.gaps import BRIDGED
 from clutchid.observer.methods import METHODS
+from clutchid.observer.observer import DRIFT
 from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, spoiled
 from fixtures.observing import in_blocks
@@ -30,6 +32,20 @@ def test_the_band_of_the_load_shrinks_and_holds_the_truth(joint, worn, log):
     before, after = (joint.load_deviation(belief, STROKE) for belief in (start(joint), state))
     assert np.all(after < 0.5 * before)
     assert np.all(np.abs(joint.load(state).force(STROKE) - worn.load.force(STROKE)) < 3.0 * after)
+
+
+def test_a_load_that_has_grown_is_followed(joint, plant, worn, log):
+    state, samples = observe(joint, start(joint), log)
+    assert apart(joint, plant, state, worn) < 0.15
+    late = slice(len(log) // 2, None)
+    error = samples.states[late, plant.states.index("p_A")] - log["pressure_a"][late]
+    assert np.sqrt(np.mean(error**2)) < 10e3
+
+
+def test_a_stroke_widens_every_standard_deviation_of_the_prior_by_the_same_share(joint):
+    T = start(joint).T
+    before, after = (np.linalg.norm(root, axis=1) for root in (T, drifted(joint.joint, T, np.array([len(T)]))))
+    assert after == pytest.approx(np.sqrt(1.0 + DRIFT) * before, rel=1e-12)
 
 
 def test_the_band_of_the_pressure_narrows_and_holds_the_truth(joint, plant, log):

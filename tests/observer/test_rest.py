@@ -64,15 +64,6 @@ def test_strokes_count_from_the_vented_rest_wherever_the_sensor_reads_it(plant, 
     assert len(far) == len(as_calibrated) > 1
 
 
-def test_a_zero_that_is_counted_anew_is_no_motion_to_the_balance_of_forces(plant, log, calibration):
-    run = observe_recording(observer(plant, "rls", calibration=calibration), moved(log))
-    begins = int(np.argmax(run.samples.rest > 0.0))
-    still = np.abs(log["position"][begins:] - log["position"][begins]) < 2e-4
-    until = begins + int(np.argmin(still)) if not still.all() else len(log)
-    assert until - begins > 20
-    assert np.isnan(run.samples.innovations[begins:until]).all()
-
-
 def test_what_was_learnt_from_another_zero_is_forgotten(plant, log, calibration):
     joint = observer(plant, calibration=calibration)
     begins = int(np.argmax(observe_recording(joint, moved(log)).samples.rest > 0.0))

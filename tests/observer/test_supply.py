@@ -90,7 +90,6 @@ def test_all_pressures_scale_with_the_supply(plant, recorded_by):
 def test_only_calibrations_that_estimate_what_was_recorded_are_used(plant):
     assert supply_of(plant, None) is None
     assert supply_of(plant, calibration(9e5, None)) is None
-    assert observer(plant, "rls", calibration=calibration(9e5, 9e5)).supply is None
     assert observer(plant, "states", calibration=calibration(9e5, 9e5)).supply is not None
 
 
@@ -110,7 +109,6 @@ def test_a_column_that_cannot_be_used_is_one_sentence(plant, usual_supply, lower
     for made, reason in (
         (observer(plant), "does not have it; record it there too"),
         (observer(plant, calibration=calibration(9e5, None)), "was saved before observers used it"),
-        (observer(plant, "rls", calibration=usual_supply), "by the method 'rls'"),
         (observer(Actuator(model="isothermal"), calibration=usual_supply), "the model has a constant one"),
     ):
         (sentence,) = unused_conditions(made, lower)
@@ -118,21 +116,20 @@ def test_a_column_that_cannot_be_used_is_one_sentence(plant, usual_supply, lower
         assert "Less supply is taken for a larger load." in sentence
 
 
-def test_a_recorded_supply_that_a_method_does_not_use_is_not_called_missing(plant, usual_supply, lower):
+def test_a_recorded_supply_that_the_calibration_lacks_is_not_called_missing(plant, usual_supply, lower):
     """In the reasons of the verdict, of a recording and of a live one."""
-    for method, use in (("rls", "not used"), ("joint", "measured")):
-        made = observer(plant, method, calibration=usual_supply)
+    for stored, use in ((None, "not used"), (usual_supply, "measured")):
+        made = observer(plant, calibration=stored)
         live, _ = after_block(live_run(made, start(made)), lower, dict.fromkeys(LIVE_FLAGS, 0))
         assert {indicators(run).supply for run in (live, observe_recording(made, lower))} == {use}
     without = observe_recording(made, lower.without("pressure_supply"))
     assert indicators(without).supply == "not recorded"
 
 
-@pytest.mark.parametrize("method", ["joint", "rls"])
 @pytest.mark.parametrize("pressure", [20e5, 1e5, 0.0])
-def test_a_recorded_supply_that_cannot_be_right_is_not_called_missing(plant, usual_supply, lower, pressure, method):
+def test_a_recorded_supply_that_cannot_be_right_is_not_called_missing(plant, usual_supply, lower, pressure):
     """In the reasons of the verdict, of a recording and of a live one, which record it only at their beginning."""
-    made = observer(plant, method, calibration=usual_supply)
+    made = observer(plant, calibration=usual_supply)
     wrong = lower.with_columns(pressure_supply=np.where(lower.time < 4.0, pressure, np.nan))
     live = live_run(made, start(made))
     for part in (wrong.slice(0, 3000), wrong.slice(3000, len(wrong))):

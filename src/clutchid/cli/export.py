@@ -33,8 +33,7 @@ def export(
     *,
     out: OutOption,
     to: str = "c",
-    method: Annotated[Literal["joint", "joint-reduced", "states", "paper"], SEARCH] = "joint",
-    modes: Annotated[int | None, SEARCH] = None,
+    method: Annotated[Literal["joint", "states", "paper"], SEARCH] = "joint",
     real: Literal["float", "double"] = "float",
     rates: Literal["one", "two"] = "one",
     name: str = "clutch",
@@ -57,8 +56,6 @@ def export(
         What is written, comma-separated: c, fmu2, fmu3, matlab, a2l, dbc.
     method
         Method of the observer, as of `clutchid observe`.
-    modes
-        Modes of the load that adapt in place of its weights.
     real
         Type of every number in C.
     rates
@@ -83,8 +80,8 @@ def export(
     slow = "fmu" in to and find_spec("ziglang")
     with progress_bar("export: the first FMU for Windows takes some minutes" if slow else "export"):
         export = exporting.export(
-            calibration, out, to=to, method=method, modes=modes, real=real, rates=rates, name=name, resume=resume,
-            check=log, model=model,
+            calibration, out, to=to, method=method, real=real, rates=rates, name=name, resume=resume, check=log,
+            model=model,
         )  # fmt: skip
     _answer(export, json)
     return DONE

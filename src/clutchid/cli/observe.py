@@ -53,9 +53,8 @@ class ObserveOptions:
         States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
         FILE.load.parquet for FILE.parquet.
     method
-        joint: load, wearing parameters and states adapt (the default). joint-reduced: modes of the load in place of its
-        weights. states: the load stays as calibrated. paper: the paper's three weights. For comparison: adaptive
-        (constant gains) and rls (least squares on the balance of forces).
+        joint: load, wearing parameters and states adapt (the default). states: the load stays as calibrated. paper: the
+        paper's three weights.
     save
         State after the last sample to write (TOML), for --resume.
     resume

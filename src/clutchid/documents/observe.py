@@ -35,9 +35,6 @@ _FOLLOWED = (3e-3, 6e-3, 12e-3)
 #: Units of differences of pressures in Pa and of positions in m.
 _KPA, _MICRO = 1e3, 1e-6
 
-#: Unit of an innovation by what it compares, and its factor to SI.
-_INNOVATION = {"position": ("µm", _MICRO), "force": ("N", 1.0)}
-
 #: Percentage of the innovations that the figure has room for.
 _SHOWN = 99.0
 
@@ -111,7 +108,7 @@ def samples_figure(run: ObservedRecording) -> Figure:
     draw_duties(duty, log)
     label(position, y="position [mm]")
     label(pressure, y="pressure A,\nabsolute [bar]")
-    label(innovation, y=f"innovation\n[{_INNOVATION[run.observer.joint.compares][0]}]")
+    label(innovation, y="innovation\n[µm]")
     for axis in axes:
         legend(axis, 4)
     figure.align_ylabels()
@@ -123,12 +120,10 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     innovations, variance = run.samples.innovations.T
     corrected = np.isfinite(innovations)
     every = run.observer.joint.settings.every * run.observer.spacing
-    compares = run.observer.joint.compares
-    _, unit = _INNOVATION[compares]
-    columns = [innovations[corrected] / unit, QUANTILE * np.sqrt(variance[corrected]) / unit]
+    columns = [innovations[corrected] / _MICRO, QUANTILE * np.sqrt(variance[corrected]) / _MICRO]
     t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
     fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
-    draw(axis, t, innovation, Line(STYLE.red, f"{compares}, measured minus predicted", 0.8))
+    draw(axis, t, innovation, Line(STYLE.red, "position, measured minus predicted", 0.8))
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), _SHOWN))
         axis.set_ylim(-most, most)

@@ -125,18 +125,8 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         What is known of the parameters that adapt at the start.
     title
         What it was made from, for the comment at the head.
-
-    Raises
-    ------
-    ParameterError
-        If the method corrects by another rule than that of Kalman, or the load has no order.
     """
     joint, actuator = observer.joint, observer.joint.mapped.actuator
-    if joint.reference is not None:
-        raise ParameterError(
-            f"--method {observer.method} has no covariance to export; joint, joint-reduced, states and paper are "
-            "exported."
-        )
     data = data_of(observer, state)
     derivatives = [c.base for c in joint.coordinates[: joint.moving.of_model.size]]
     model = replace(system(actuator.model), name=f"{style.name}_model")

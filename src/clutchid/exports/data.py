@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from clutchid.errors import ParameterError
 from clutchid.estimation.assess.observed import FLAGGED, TRUSTS, most_trust
 from clutchid.exports.filter import FilterSize
 from clutchid.inference.filter.joint_filter import JointFilter
@@ -80,32 +79,9 @@ def size_of(joint: JointFilter) -> FilterSize:
     )
 
 
-def check_order(joint: JointFilter) -> None:
-    """Refuse a filter whose load weights do not follow each other as C has them.
-
-    Raises
-    ------
-    ParameterError
-        If only some of them adapt, or they have no order by their place in the stroke.
-    """
-    free = [w for w in joint.free.places[:, WEIGHT].tolist() if w >= 0]
-    order = joint.moving.weight_columns.tolist()
-    if free and free != list(range(free[0], free[0] + len(free))):
-        raise ParameterError("only some of the load weights adapt: C takes those that follow each other in the load.")
-    if joint.moving.window < len(order) and order != sorted(order):
-        raise ParameterError("the functions of the load have no order along the stroke; export a load of B-splines.")
-
-
 def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
-    """Values of the data's template: an observer, and what is known in `state` of the parameters that adapt.
-
-    Raises
-    ------
-    ParameterError
-        As `check_order`.
-    """
+    """Values of the data's template: an observer, and what is known in `state` of the parameters that adapt."""
     joint = observer.joint
-    check_order(joint)
     values = _filter_values(joint) | _derived_values(joint) | _start_values(observer)
     values |= _noise_values(observer) | _band_values(observer) | _rest_values(observer)
     return values | {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -77,9 +77,9 @@ MOST_KNOTS = 500
 
 
 @cache
-def _names(prefix: str, first: int, count: int) -> tuple[str, ...]:
-    """PREFIX_1, PREFIX_2, ... from the first; made once, as a search asks for them at every step."""
-    return tuple(f"{prefix}_{first + i}" for i in range(count))
+def _names(count: int) -> tuple[str, ...]:
+    """theta_1, theta_2, ...; made once, as a search asks for them at every step."""
+    return tuple(f"theta_{1 + i}" for i in range(count))
 
 
 def in_metres(knots: Sequence[float], stroke: float = 0.0) -> str:
@@ -128,9 +128,6 @@ class Load:
         1 by the paper's stated conditions, 0.001 as published; see `clutchid.model.load.xi_2`. Paper's splines only.
     basis : 'paper' or 'b-spline'
         Eqs. (15)-(17), or `clutchid.model.weighted_load`.
-    functions : N/m or N
-        Where the phi_i are combinations of the basis, as in a reduced filter: the weights of each in the basis. Then
-        theta are multiples of them.
 
     Raises
     ------
@@ -150,7 +147,6 @@ class Load:
     knots: tuple[float, ...] = PAPER_KNOTS
     phi2_slope: float = 1.0
     basis: str = "paper"
-    functions: tuple[tuple[float, ...], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         problems = []
@@ -158,7 +154,7 @@ class Load:
         if len(self.knots) > MOST_KNOTS:
             raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
         paper = self.basis == "paper"
-        count = len(self.functions) or (3 if paper else len(self.knots) + 2)
+        count = 3 if paper else len(self.knots) + 2
         if len(self.theta) != count or not all(is_number(value) and math.isfinite(value) for value in self.theta):
             number = "three" if paper else str(count)
             problems.append(f"theta = {self.theta}: {number} finite weights in {self.unit} are needed.")
@@ -178,8 +174,8 @@ class Load:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the weights: theta_1, theta_2, ..., or mode_0, mode_1, ... of combinations."""
-        return _names("mode", 0, len(self.theta)) if self.functions else _names("theta", 1, len(self.theta))
+        """Names of the weights: theta_1, theta_2, ..."""
+        return _names(len(self.theta))
 
     @classmethod
     def on_b_splines(cls, other: Load | None = None, knots: tuple[float, ...] = DEFAULT_KNOTS) -> Load:
@@ -204,8 +200,7 @@ class Load:
     @property
     def unit(self) -> str:
         """Unit of the weights."""
-        in_basis = "N/m" if self.basis == "paper" else "N"
-        return "1" if self.functions else in_basis
+        return "N/m" if self.basis == "paper" else "N"
 
     def curvature(self, y: FloatArray) -> FloatArray:
         """Second derivatives of the basis functions at the positions `y` in m, shape (n, n_theta)."""
@@ -220,10 +215,7 @@ class Load:
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray]:
-        breakpoints, coefficients = _basis_table(self.basis, self.knots, self.phi2_slope)
-        if self.functions:
-            coefficients = read_only(np.tensordot(self.functions, coefficients, axes=1))
-        return breakpoints, coefficients
+        return _basis_table(self.basis, self.knots, self.phi2_slope)
 
     @property
     def breakpoints(self) -> FloatArray:

@@ -79,7 +79,7 @@ def estimates_of(observer: Observer, state: ObserverState) -> dict[str, Estimate
     spread = np.linalg.norm(state.T, axis=1)
     coordinates = at_air(observer, state.temperature).joint.coordinates
     for c, x, s in zip(coordinates, state.theta.tolist(), spread.tolist(), strict=True):
-        if c.base not in observer.prior.actuator.load.names:
+        if c.base not in load.names:
             unit = observer.actuator.unit(c.base)
             estimates[c.base] = Estimate(c.si(x), unit, s * c.slope(x), c.si(x - QUANTILE * s), c.si(x + QUANTILE * s))
     return estimates

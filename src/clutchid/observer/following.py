@@ -19,11 +19,9 @@ from clutchid.inference.filter.joint_filter import (
     Diverged,
     JointInputs,
     JointPass,
-    drifted,
     follow,
     init,
 )
-from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
 from clutchid.observer.air import air_of_samples, at_air
@@ -152,8 +150,7 @@ def observe_strokes(
     _check(state, block)
     repeated, before = repeats(block.time, state.latest, observer.spacing), state
     values, state = _values(observer, state, block, repeated)
-    fills = observer.joint.reference is not None
-    samples, rows, latest_input = bridged(state, values.samples, repeated, values.ends, observer.spacing, fills)
+    samples, rows, latest_input = bridged(state, values.samples, repeated, values.ends, observer.spacing)
     driven: BoolArray = np.logical_and.reduce(np.isfinite(samples.duties), axis=1)
     observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples, driven)
     rest, unzeroed, moves = _rests(observer, state, samples, stretches, driven, observed)
@@ -190,7 +187,7 @@ def observe_strokes(
         latest=float(samples.time[-1]) if samples.time.size else state.latest,
         temperature=air.get(samples.time.size, state.temperature),
     )  # fmt: skip
-    if any_of(repeated) or rows.size != observed.time.size:  # as many may be bridged as are repeated
+    if any_of(repeated):
         observed = _of_rows(observed, _latest(observer, before), rows, repeated)
     observed = observed._replace(
         time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike,
@@ -267,14 +264,10 @@ def _of_rows(observed: Observed, before: Observed, rows: NDArray[np.int64], repe
 
     The first samples may repeat the one `before` the block, whose row is -1.
     """
-    ended = np.flatnonzero(np.isfinite(observed.innovations[:, 0]))
-    late = {name: getattr(observed, name)[ended] for name in ("deviations", "innovations", "mismatch")}
     columns = zip(before, observed, strict=True)
     observed = Observed._make(np.concatenate([first, column])[rows + 1] for first, column in columns)
     for array in (observed.states, observed.deviations, observed.innovations, observed.mismatch):
         array[repeated] = np.nan
-    for name, of_ended in late.items():  # a correction that ends where a sample is missing is known at the next one
-        getattr(observed, name)[np.searchsorted(rows, ended)] = of_ended
     observed.used[repeated] = False
     return observed
 
@@ -282,16 +275,12 @@ def _of_rows(observed: Observed, before: Observed, rows: NDArray[np.int64], repe
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a stroke: what is known of the parameters is kept, and gains what the clutch has worn since then.
 
-    The recursion adds that column by column at the corrections that follow, a reference observer at once.
+    The recursion adds that column by column at the corrections that follow.
     """
-    joint, T, wear = observer.joint, state.T, state.wear + observer.joint.drifts.shape[1]
-    if isinstance(state.filter, FilterState):
-        state = state._replace(filter=state.filter._replace(wear=wear))
-    elif joint.reference is not None:
-        T, wear = drifted(joint, T, wear), state.wear
-        state = state._replace(filter=state.filter and state.filter._replace(T=T))
+    wear = state.wear + observer.joint.drifts.shape[1]
     return state._replace(
-        T=T, wear=wear, sound=Sound(state.theta, T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
+        filter=state.filter and state.filter._replace(wear=wear), wear=wear,
+        sound=Sound(state.theta, state.T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
         leaking=observer.leaks(state), partial=False,
     )  # fmt: skip
 
@@ -383,7 +372,6 @@ def _piece(
         held = int(samples.time[a:end].searchsorted(_held_until(state)))
         end = a + held if held else end
         partial = state.partial if state.filter else bool(samples.position[a] > BEGINS)
-        partial = partial and observer.joint.reference is None
         state = state._replace(partial=partial)
         observing = _not_learning(observer) if held or partial else observer
         state, passed, usable, count = _followed(
@@ -490,16 +478,15 @@ def _followed(
     corrected = np.isfinite(passed.deviations[:, 0]).nonzero()[0]
     deviations = passed.deviations[corrected[-1]].copy() if corrected.size else state.deviations
     after = passed.state
-    G, wear = (after.G, after.wear) if isinstance(after, FilterState) else (state.G, state.wear)
     state = state._replace(
-        filter=after, theta=after.theta, T=after.T, G=G, wear=wear, tail=tail, deviations=deviations,
+        filter=after, theta=after.theta, T=after.T, G=after.G, wear=after.wear, tail=tail, deviations=deviations,
         number=state.number + m - first, excess=excess,
     )  # fmt: skip
     return state, passed, usable[first:], m - first
 
 
 def _until(
-    observer: Observer, at: MethodState, inputs: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: FilterState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> JointPass | None:
     """Follow samples of which it is known that the filter does not diverge; None without any."""
     passed = follow(observer.joint, at, inputs, span, number) if span[1] > span[0] else None
@@ -511,10 +498,10 @@ def _contradiction(
 ) -> tuple[int, float]:
     """The first sample at which innovations contradict the inputs, as many as there are if none does.
 
-    Also the sum of their excess at the end; `excess` is that before. An observer without a covariance has none.
+    Also the sum of their excess at the end; `excess` is that before.
     """
-    if passed is None or observer.joint.reference is not None:
-        return 0 if passed is None else len(passed.states), 0.0
+    if passed is None:
+        return 0, 0.0
     total, settings, velocity = np.array([excess]), observer.joint.settings, observer.actuator.states.index("v")
     at: int = kernels_in("clutchid.observer.contradiction").first_contradiction(
         total, passed.errors, passed.states, velocity, least_speed, settings.every * settings.spacing
@@ -523,7 +510,7 @@ def _contradiction(
 
 
 def _until_diverged(
-    observer: Observer, at: MethodState, inputs: JointInputs, span: tuple[int, int], number: int
+    observer: Observer, at: FilterState, inputs: JointInputs, span: tuple[int, int], number: int
 ) -> tuple[JointPass | None, int]:
     """Follow samples up to the first at which the filter diverges; what was found, None if nothing, and that sample."""
     first, end = span
@@ -540,12 +527,7 @@ def _until_diverged(
 
 
 def _impossible(observer: Observer, states: FloatArray) -> int:
-    """The first of the states (n, states) that is outside of `PRESSURES` or `BEYOND_STOPS`; n if none.
-
-    An observer without a covariance takes a spike of its sensor at its word, and recovers by itself.
-    """
-    if observer.joint.reference is not None:
-        return len(states)
+    """The first of the states (n, states) that is outside of `PRESSURES` or `BEYOND_STOPS`; n if none."""
     p, names, (low, high) = observer.actuator.parameters, observer.actuator.states, PRESSURES
     p_A, y = states[:, names.index("p_A")], states[:, names.index("y")]
     outside = (y < -BEYOND_STOPS) | (y > p.y_max + BEYOND_STOPS)

@@ -1,8 +1,7 @@
 """Samples that are missing, repeated or rounded: what an observer follows in their place.
 
-Short gaps are bridged: the duty cycles are held, and the flow through the valves is as uncertain as that. A rule with
-columns follows a gap as one interval, see `recursion.move_alone`; for the others samples without a position are put
-where they are missing. The exported C does the same, sample by sample.
+Short gaps are bridged: the duty cycles are held, and the flow through the valves is as uncertain as that. A gap is
+followed as one interval, see `recursion.move_alone`. The exported C does the same, sample by sample.
 """
 
 from __future__ import annotations
@@ -47,9 +46,7 @@ def longest(spacing: float) -> float:
     return max(HOLE * spacing, BRIDGED + spacing + 0.5 * RESOLUTION)
 
 
-def bridged(
-    state: ObserverState, samples: Tail, repeated: BoolArray, ends: BoolArray, spacing: float, fills: bool
-) -> Bridged:
+def bridged(state: ObserverState, samples: Tail, repeated: BoolArray, ends: BoolArray, spacing: float) -> Bridged:
     """The samples of a block with short gaps bridged.
 
     Parameters
@@ -60,37 +57,24 @@ def bridged(
         Samples that repeat the one before, and those at which a stretch ends.
     spacing : s
         Usual time from one sample to the next.
-    fills
-        Whether samples are put where they are missing.
     """
     latest, held_before = latest_driven(state), state.known < state.latest
     if not (held_before or any_of(repeated) or any_of(ends) or any_of(np.isnan(samples.duties))):
         time, long = samples.time, LONG * spacing
         if time.size and not (time[0] - latest > long or any_of(time[1:] - time[:-1] > long)):
             return Bridged(samples, np.arange(time.size), float(time[-1]))
-    at, taken = np.flatnonzero(~repeated), ~repeated
-    time = samples.time[taken]
-    before = np.append(latest, time[:-1])[: time.size]
-    gap = time - before
+    taken = np.flatnonzero(~repeated)
+    time, ended = samples.time[taken], ends[taken]
+    gap = time - np.append(latest, time[:-1])[: time.size]
     short = (gap > LONG * spacing) & (gap <= longest(spacing))
-    lost = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0).astype(np.int64)
-    missing = lost if fills else np.zeros_like(lost)
-    places = np.arange(time.size) + np.cumsum(missing)
-    m = time.size + int(missing.sum())
-    stamps, own, barriers = np.full(m, np.nan), np.zeros(m, dtype=bool), np.zeros(m, dtype=bool)
-    stamps[places], own[places], barriers[places] = time, True, ends[taken]
-    for i in np.flatnonzero(missing).tolist():
-        stamps[places[i] - missing[i] : places[i]] = before[i] + spacing * np.arange(1, missing[i] + 1)
-    measured = np.full((m, 4), np.nan)
-    measured[own] = np.column_stack([samples.duties, samples.position, samples.supply])[taken]
-    duties, held, driven = _held(state, stamps, np.where(barriers[:, None], np.nan, measured[:, :2]), barriers)
-    unknown = np.append(_driven(state) and held_before, held[:-1])[: held.size].astype(np.float64)
-    unknown[own] += lost - missing
+    lost = np.where(short, np.round(np.where(short, gap, 0.0) / spacing) - 1.0, 0.0)
+    duties, held, driven = _held(state, time, np.where(ended[:, None], np.nan, samples.duties[taken]), ended)
+    unknown = lost + np.append(_driven(state) and held_before, held[:-1])[: held.size]
     open_std = UNKNOWN_SHARE * spacing * np.sqrt(unknown)
     rows = np.full(repeated.size, -1)
-    rows[at] = places
-    position, supply = np.ascontiguousarray(measured[:, 2:].T)
-    return Bridged(Tail(stamps, duties, position, supply, open_std), np.maximum.accumulate(rows), driven)
+    rows[taken] = np.arange(taken.size)
+    bridge = Tail(time, duties, samples.position[taken], samples.supply[taken], open_std)
+    return Bridged(bridge, np.maximum.accumulate(rows), driven)
 
 
 def _driven(state: ObserverState) -> bool:

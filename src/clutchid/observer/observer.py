@@ -9,14 +9,14 @@ import numpy as np
 
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
-from clutchid.inference.filter.references import AdaptiveNumbers, MethodState
+from clutchid.inference.filter.setup import FilterState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import LOST
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
-from clutchid.observer.methods import method_for
+from clutchid.observer.methods import EVERY, method_for
 from clutchid.observer.prior import (
     AIR_STD,
     ASSUMED,
@@ -67,13 +67,13 @@ class Observer:
     actuator
         As calibrated.
     method
-        'joint', 'joint-reduced', 'states', 'paper', 'rls' or 'adaptive'.
+        'joint', 'states' or 'paper'.
     joint
         The filter, compiled for this actuator.
     prior
         What is known of the parameters that adapt before the first sample.
     adapting
-        Names of what adapts: load weights as calibrated, also where modes of the load adapt in their place.
+        Names of the load weights and parameters that adapt.
     spacing : s
         Interval between samples.
     missed : N
@@ -119,7 +119,7 @@ class Observer:
     @property
     def compares(self) -> bool:
         """Whether innovations are compared with the usual ones."""
-        return bool(np.isfinite(self.usual)) and self.joint.reference is None
+        return bool(np.isfinite(self.usual))
 
     @property
     def suspect_from(self) -> float:
@@ -173,7 +173,6 @@ def observer(
     spacing: float = 1e-3,
     calibration: Calibration | None = None,
     zero: Zero = "subtract",
-    modes: int | None = None,
     supply_std: float = SUPPLY_STD,
 ) -> Observer:
     """An observer of a calibrated actuator.
@@ -190,8 +189,6 @@ def observer(
         Its errors from position alone are part of every band; its vented rest is what travel is counted from.
     zero : 'subtract' or 'keep'
         Whether the position counts from the vented rest where that has moved since the calibration.
-    modes
-        How many modes of the load adapt in place of its weights, at least 1; by default those of the method.
     supply_std
         Standard deviation of a supply pressure that is not recorded, as a share of that of the calibration, from 0 to
         0.5.
@@ -201,18 +198,16 @@ def observer(
     ParameterError
         If the standard deviation is another one, there is no such method, or it does not take the actuator.
     """
-    chosen = method_for(method, actuator)
+    adapting = method_for(method, actuator).adapting(actuator)
     if not 0.0 <= supply_std <= 0.5:
         raise ParameterError(
             f"supply_std = {supply_std:g}: the standard deviation of the supply pressure is a share of it from 0 to "
             f"0.5; {SUPPLY_STD:g} is the default."
         )
-    supply = supply_of(actuator, calibration) if chosen.reference is None else None
+    supply = supply_of(actuator, calibration)
     measure = ("position",) if supply is None else ("position", "pressure_supply")
-    adapting = chosen.adapting(actuator)
-    prior = online_prior(actuator, adapting, chosen.modes if modes is None else modes)
-    reference = chosen.reference(actuator, prior.free, prior.root, spacing) if chosen.reference else None
-    settings = JointSettings(every=max(1, round(chosen.every * 1e-3 / spacing)), spacing=spacing)
+    prior = online_prior(actuator, adapting)
+    settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing)
     noise = Noise(
         measured={name: SENSORS[name].noise for name in measure},
         states={name: row.noise for name, row in actuator.state_rows.items()},
@@ -224,23 +219,22 @@ def observer(
         actuator=actuator,
         method=method,
         joint=joint_filter(
-            prior.actuator,
+            actuator,
             prior.free,
             limits,
             measure,
             noise,
             settings,
-            drifts=None if isinstance(reference, AdaptiveNumbers) else np.sqrt(DRIFT) * prior.root,
+            drifts=np.sqrt(DRIFT) * prior.root,
             pace=pace(actuator, _MARGIN),
-            reference=reference,
-            considered=considered_supply(actuator, supply_std) if reference is None else None,
+            considered=considered_supply(actuator, supply_std),
         ),
         prior=prior,
         adapting=adapting,
         spacing=spacing,
         missed=_missed(actuator, calibration),
         supply=supply,
-        air=air_of(actuator, calibration) if reference is None else None,
+        air=air_of(actuator, calibration),
         calibration=calibration,
         zero=zero,
         supply_std=supply_std,
@@ -264,7 +258,7 @@ def start(observer: Observer) -> ObserverState:
     return ObserverState(None, theta, T, G, none, EMPTY, unknown(observer), Sound(theta, T, G, none))
 
 
-def blank(observer: Observer) -> MethodState:
+def blank(observer: Observer) -> FilterState:
     """A state of the filter with the shapes that all of its states have."""
     at_rest = Tail(np.zeros(1), np.zeros((1, 2)), *np.zeros((3, 1)))
     segment = segment_of(at_rest, observer.joint.mapped.actuator)

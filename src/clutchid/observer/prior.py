@@ -7,7 +7,6 @@ percent. Where the vehicle records the supply, the filter corrects its state p_S
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from math import sqrt
 from typing import NamedTuple
@@ -20,7 +19,6 @@ from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.inference.uncertainty.conditions import ACCURACY, NOT_RECORDED, by_supply
 from clutchid.inference.uncertainty.coordinates import (
     CURVATURE,
-    STOP_STD,
     Coordinate,
     Prior,
     coordinates,
@@ -40,7 +38,7 @@ ASSUMED = 0.006
 
 
 #: Standard deviation of the supply pressure from that of the calibration, as a share of it: what governors, consumers
-#: and the service leave (5 % may change, within 2 of them). For an observer without a covariance of the states as much
+#: and the service leave (5 % may change, within 2 of them). For a model with a constant supply as much
 #: of the load and of A_A P_0, times the second. Provenance: docs/derivations_online.md.
 SUPPLY_STD, BY_FORMULA = 0.03, 0.025 / 0.03
 
@@ -144,27 +142,21 @@ LEAK = "C_A0"
 #: Bounds of the adapting parameters in prior standard deviations.
 BOUND = 5.0
 
-#: Positions over which modes of the load are chosen, and distance in m from which on the load that they leave out may
-#: grow in proportion to the position. Other modes need another `state_file.FORMAT`. Provenance: docs/derivations.md.
-_POSITIONS, NEAR = 200, 3e-3
-
 
 class OnlinePrior(NamedTuple):
     """The parameters that adapt and their prior, of mean 0 in their coordinates.
 
-    `actuator` is the calibrated one with the functions of the load that adapt, `root` (k, k) a lower triangular root of
-    the covariance of the coordinates `free`, in the order of the filter in C: parameters of the model, load weights,
-    lags and offsets of sensors; and `weights` (weights, k) the derivatives of the calibrated load's
-    weights with respect to them.
+    `root` (k, k) is a lower triangular root of the covariance of the coordinates `free`, in the order of the filter in
+    C: parameters of the model, load weights, lags and offsets of sensors; and `weights` (weights, k) are the
+    derivatives of the load's weights with respect to them.
     """
 
-    actuator: Actuator
     free: tuple[Coordinate, ...]
     root: FloatArray
     weights: FloatArray
 
 
-def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = None) -> OnlinePrior:
+def online_prior(actuator: Actuator, names: Sequence[str]) -> OnlinePrior:
     """Prior of the parameters that adapt.
 
     The load is that of the calibrated actuator, and may move as smoothly as a clutch wears; everything else drifts as
@@ -176,9 +168,6 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         As calibrated.
     names
         Load weights and parameters.
-    modes
-        How many modes of the load adapt in place of its weights; by default, and if there are no more weights than
-        that, the weights.
     """
     priors = {name: Prior(actuator.value(name), std) for name in names if (std := drift(actuator, name)) > 0.0}
     for name, row in actuator.rows.items():
@@ -194,38 +183,11 @@ def online_prior(actuator: Actuator, names: Sequence[str], modes: int | None = N
         rows.append(smooth)
     weights = np.array([[c.width * (c.base == name) for c in free] for name in actuator.load.names])
     if not free:
-        return OnlinePrior(actuator, free, np.zeros((0, 0)), weights)
+        return OnlinePrior(free, np.zeros((0, 0)), weights)
     inverse = np.linalg.inv(triangular(np.vstack(rows))[: len(free), : len(free)])
-    whole = OnlinePrior(actuator, free, np.linalg.cholesky(inverse @ inverse.T), weights)
-    return whole if modes is None or modes >= len(weights) or not np.any(weights) else _reduced(whole, modes)
+    return OnlinePrior(free, np.linalg.cholesky(inverse @ inverse.T), weights)
 
 
 def _group(weights: Sequence[str], name: str) -> int:
     """Place of a parameter's group: of the model, load weights, of sensors."""
     return 1 if name in weights else 2 * (name in SENSOR_PARAMETERS)
-
-
-def _reduced(whole: OnlinePrior, modes: int) -> OnlinePrior:
-    """The prior with the load's leading modes in place of its weights: the calibrated load plus multiples of them.
-
-    The modes are the principal components of the prior of the load over the stroke, so that their multiples are
-    independent with a prior of 0 ± 1, like the coordinates of the parameters. The positions are those of Chebyshev,
-    denser at the ends, where a few components are else worst, up to the bound of the far stop. At small positions,
-    where recordings determine the load best, less may be left out.
-    """
-    actuator, load = whole.actuator, whole.actuator.load
-    end = actuator.parameters.y_max + BOUND * STOP_STD
-    position = 0.5 * end * (1.0 - np.cos(np.linspace(0.0, np.pi, _POSITIONS)))
-    root = whole.weights @ whole.root
-    components = np.linalg.svd(load.phi(position) / (NEAR + position)[:, None] @ root)[2][:modes]
-    shapes = root @ components.T
-    shapes *= np.sign(shapes[0])  # a saved state is read with the modes of another machine
-    functions = (load.theta, *(tuple(shape) for shape in shapes.T.tolist()))
-    in_modes = replace(actuator, load=replace(load, theta=(1.0, *[0.0] * modes), functions=functions))
-    names = in_modes.load.names[1:]
-    of_modes = coordinates(in_modes, names, {}, dict.fromkeys(names, Prior(0.0, 1.0)))
-    others = [c for c in whole.free if c.base not in load.names]
-    free = tuple(sorted((*others, *of_modes), key=lambda c: _group(names, c.base)))
-    weights, first = np.zeros((len(load.theta), len(free))), free.index(of_modes[0])
-    weights[:, first : first + modes] = shapes
-    return OnlinePrior(in_modes, free, np.eye(len(free)), weights)

@@ -32,12 +32,6 @@ _INTERVALS, DIGITS = 100, 3
 #: Part by which the time from one sample to the next may differ between the parts of a recording.
 _SAME_PACE = 0.1
 
-#: Columns of the innovations and their standard deviations by what they compare.
-_INNOVATION = {
-    "position": ("innovation", "innovation std"),
-    "force": ("innovation_force [N]", "innovation_force_std [N]"),
-}
-
 #: Use of the supply pressure of a recording, the best first: "not used" where all of it cannot be right, too.
 SupplyUse = Literal["measured", "not used", "not recorded"]
 
@@ -106,12 +100,11 @@ class ObservedRecording:
             for name, values in self.log.columns.items()
         }
         pressure, half = states["pressure_a"], QUANTILE * self.deviation("p_A")
-        innovation, deviation = _INNOVATION[self.observer.joint.compares]
         added = {
             "pressure_a low": pressure - half,
             "pressure_a high": pressure + half,
-            innovation: self.samples.innovations[:, 0],
-            deviation: np.sqrt(self.samples.innovations[:, 1]),
+            "innovation": self.samples.innovations[:, 0],
+            "innovation std": np.sqrt(self.samples.innovations[:, 1]),
             "used [1]": self.samples.used.astype(np.float64),
             "nis_ratio [1]": self.samples.mismatch,
             "rest_shift [m]": self.samples.rest,
@@ -188,14 +181,13 @@ def recorded(log: Log, column: str) -> bool:
 def unused_conditions(observer: Observer, log: Log) -> tuple[str, ...]:
     """Reasons why an observer does not use the supply pressure and air temperature of a recording, a sentence each."""
     conditions = observer.calibration.conditions if observer.calibration else NOT_RECORDED
-    by_method = f" by the method '{observer.method}'" if observer.joint.reference is not None else ""
     by_model = "" if "p_S" in observer.actuator.states else ", because the model has a constant one"
     lacking = ", because the calibration does not have it; record it there too"
     unsaved = ", because the calibration was saved before observers used it; save it again"
-    of_supply = by_method or by_model or (lacking if conditions.supply is None else unsaved)
+    of_supply = by_model or (lacking if conditions.supply is None else unsaved)
     rows = (
         ("pressure_supply", observer.supply, of_supply, "Less supply is taken for a larger load."),
-        ("temperature_ambient", observer.air, by_method or lacking, "Warmer air is taken for a smaller load."),
+        ("temperature_ambient", observer.air, lacking, "Warmer air is taken for a smaller load."),
     )
     return tuple(
         f"{log.name}: {column} is not used{why}. {effect}"

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.inference.filter.references import MethodState
+from clutchid.inference.filter.setup import FilterState
 from clutchid.log import BoolArray, FloatArray, IntArray, all_of, read_only
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import with_carrier
@@ -147,7 +147,7 @@ class ObserverState(NamedTuple):
     whether the last recorded temperature does not.
     """
 
-    filter: MethodState | None
+    filter: FilterState | None
     theta: FloatArray
     T: FloatArray
     G: FloatArray

@@ -16,7 +16,6 @@ from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.files import write_text
 from clutchid.files.records import read_toml
-from clutchid.inference.filter.references import MethodState
 from clutchid.inference.filter.setup import FilterState
 from clutchid.inference.uncertainty.conditions import AIR
 from clutchid.observer.observer import Observer, blank, start
@@ -236,17 +235,16 @@ def _problems(state: ObserverState) -> Iterator[str]:
         yield from _filter_problems(state, state.filter)
 
 
-def _filter_problems(state: ObserverState, saved: MethodState) -> Iterator[str]:
+def _filter_problems(state: ObserverState, saved: FilterState) -> Iterator[str]:
     if not (np.array_equal(saved.theta, state.theta) and np.array_equal(saved.T, state.T)):
         yield "the parameters are not those of filter"
-    if isinstance(saved, FilterState):
-        if not saved.S.any():
-            yield "S is 0, as if the states were known exactly"
-        if not (np.array_equal(saved.wear, state.wear) and saved.due[0] in (0, 1, 3, 5, 7)):
-            yield "a correction that is under way, or what the parameters have still to gain, is not that of filter"
+    if not saved.S.any():
+        yield "S is 0, as if the states were known exactly"
+    if not (np.array_equal(saved.wear, state.wear) and saved.due[0] in (0, 1, 3, 5, 7)):
+        yield "a correction that is under way, or what the parameters have still to gain, is not that of filter"
 
 
-def _numbers(saved: MethodState | None) -> tuple[NDArray[Any], ...]:
+def _numbers(saved: FilterState | None) -> tuple[NDArray[Any], ...]:
     """Arrays of a filter that are finite; a measurement that is missing is not."""
     return () if saved is None else tuple(a for name, a in saved._asdict().items() if name != "at_values")
 
@@ -255,7 +253,7 @@ def fingerprint(observer: Observer) -> str:
     """SHA-256 of what the numbers of a state depend on: actuator, adapting parameters, settings, method, usual NIS."""
     joint, calibration = observer.joint, observer.calibration
     told = repr((
-        observer.actuator, joint.coordinates, joint.settings, joint.noise, joint.kernel[1], joint.reference,
+        observer.actuator, joint.coordinates, joint.settings, joint.noise,
         observer.usual, observer.zero, calibration.rest if calibration else None, observer.supply_std,
         observer.air and (observer.air.calibrated, observer.air.powers),
     ))  # fmt: skip

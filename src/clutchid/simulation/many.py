@@ -231,7 +231,7 @@ def _groups(actuators: Sequence[Actuator], prepared: Iterable[PreparedLog]) -> l
     groups: dict[Hashable, list[_Group]] = {}
     for place, (actuator, log) in enumerate(zip(actuators, prepared, strict=True)):
         load = actuator.load
-        key = actuator.model, log.form, load.basis, load.knots, load.phi2_slope, load.functions
+        key = actuator.model, log.form, load.basis, load.knots, load.phi2_slope
         alike = groups.setdefault(key, [_Group()])
         if len(alike[-1].places) == most:
             alike.append(_Group())

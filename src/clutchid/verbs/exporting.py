@@ -28,7 +28,6 @@ def export(
     *,
     to: str | Sequence[Target] = ("c",),
     method: str = "joint",
-    modes: int | None = None,
     real: Real = "float",
     rates: Rates = "one",
     name: str = "clutch",
@@ -46,8 +45,8 @@ def export(
         Folder to write; it is made.
     to : 'c', 'fmu2', 'fmu3', 'matlab', 'a2l', 'dbc'
         What is written: several as a sequence, or as text, comma-separated.
-    method, modes
-        Method of the observer, and how many modes of the load adapt in place of its weights.
+    method
+        Method of the observer.
     real : 'float' or 'double'
         Type of every number in C.
     rates : 'one' or 'two'
@@ -69,7 +68,7 @@ def export(
     Raises
     ------
     DataError, ParameterError, ExportError
-        If an input is bad, the method has no covariance, or a file cannot be written.
+        If an input is bad, or a file cannot be written.
 
     Examples
     --------
@@ -91,7 +90,7 @@ def export(
     targets = targets_of(to) if isinstance(to, str) else to
     style, content = CStyle(name, real, rates), content_of(calibration)
     spacing = 1e-3 if resume is None else saved_spacing(resume)
-    observing = observer(content.actuator, method, spacing, content.calibration, modes=modes)
+    observing = observer(content.actuator, method, spacing, content.calibration)
     state = begun(observing, start(observing) if resume is None else read_state(observing, resume))
     log = None if check is None else reading_of(check).read(content.actuator)[0]
     title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"

@@ -53,7 +53,7 @@ def observe(
     start : Fit, ParameterFile or path
         The calibration.
     method : name
-        'joint', 'joint-reduced', 'states', 'paper', 'rls' or 'adaptive', see docs/commands/observe.md.
+        'joint', 'states' or 'paper', see docs/commands/observe.md.
     resume : path, optional
         A state that was saved with `clutchid.observer.write_state`.
     zero : 'subtract' or 'keep'

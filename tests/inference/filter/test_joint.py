@@ -66,7 +66,7 @@ def arguments(every, span=(0, SAMPLES), noise=1.0):
         np.empty((0, 2, 1)), np.empty((0, 1)),
     )  # fmt: skip
     intervals = Intervals(u, dt, np.ones(SAMPLES - 1, np.int32), noise * sigma, lags)
-    settings = SettingsArrays(every, NEVER, -1.0, 1, 0, -1, None)
+    settings = SettingsArrays(every, NEVER, -1.0, 1, 0, -1)
     free = FreeArrays(numbers, places, np.zeros((1, 2), np.int64))
     arrays = FilterArrays(model, free, derived, SENSORS, settings, AS_PLANNED, window, room)
     return (arrays, intervals, values, output, (*span, 0)), output

@@ -5,7 +5,7 @@ import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
 import { has, ready, unchecked } from "./recording.js";
 
-const METHODS = ["joint", "joint-reduced", "states", "paper"];
+const METHODS = ["joint", "states", "paper"];
 const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
 const chosen = { recording: "", start: "", method: "joint", force: false };
 lasts("online", chosen);

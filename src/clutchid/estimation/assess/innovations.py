@@ -82,7 +82,7 @@ def innovation_statistics(run: ObservedRecording) -> InnovationStatistics:
     # an interval up to a correction and with it; stamps may be off by a part of a sample
     grid = np.ceil((time - time[0]) / every - 0.5 / joint.settings.every).astype(np.int64)
     # that of a correction stands where it ends, with the last sample before the next one
-    begun = grid - 1 if joint.reference is None and joint.settings.every > 1 else grid
+    begun = grid - 1 if joint.settings.every > 1 else grid
     cells = int(grid[-1]) + 1
     on_grid = _means(np.maximum(begun, 0), z, cells)
     duties = {name: _means(grid, run.log[name], cells) for name in INPUTS}

@@ -168,7 +168,7 @@ def _start(
         free=FreeArrays(np.zeros((0, 7)), np.zeros((0, 4), dtype=np.int64), np.zeros((0, 2), dtype=np.int64)),
         derived=derived_arrays(actuator, _SENSORS, [noise.measured.get(name, np.inf) for name in _SENSORS], k),
         sensors=sensors,
-        settings=SettingsArrays(1, float(noise.outlier), np.inf, *places, None),
+        settings=SettingsArrays(1, float(noise.outlier), np.inf, *places),
         pace=AS_PLANNED,
         window=Window(none, none, none, none, none),
         scratch=scratch(x.size, S.shape[1], state.T, len(states), len(_SENSORS)),

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.inference.filter.references import AdaptiveNumbers, BalanceNumbers, MethodState, Reference
 from clutchid.inference.filter.setup import (
     BESIDE,
     LAG,
@@ -38,7 +37,7 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.log import FloatArray, IntArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.model.compiled import few_suffice, kernels, preparation_kernel, step
+from clutchid.model.compiled import few_suffice, preparation_kernel, step
 from clutchid.numerics.failure import Failure
 from clutchid.simulation.noise import Noise, start_deviations
 from clutchid.simulation.parameter_map import ParameterMap, parameter_map
@@ -133,13 +132,6 @@ class Considered(NamedTuple):
 #: Module of the recursion of the Kalman filter.
 _RECURSION = "clutchid.inference.filter.recursion"
 
-#: Module and name of the kernel along a segment, by the type of `JointFilter.reference`; their signatures are alike.
-_KERNELS = {
-    type(None): (_RECURSION, "follow_segment"),
-    AdaptiveNumbers: ("clutchid.inference.filter.adaptive", "follow_adaptively"),
-    BalanceNumbers: ("clutchid.inference.filter.balance", "follow_balance"),
-}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFilter:
@@ -163,18 +155,7 @@ class JointFilter:
     pace: Pace
     sensors: IntArray
     few: bool
-    reference: Reference | None = None
     considered: Considered | None = None
-
-    @property
-    def kernel(self) -> tuple[str, str]:
-        """Module and name of the kernel that follows a segment."""
-        return _KERNELS[type(self.reference)]
-
-    @property
-    def compares(self) -> str:
-        """Quantity whose innovations it has: the position in m, or a force in N."""
-        return "force" if isinstance(self.reference, BalanceNumbers) else "position"
 
     def si(self, theta: FloatArray) -> dict[str, float]:
         """Values of the free parameters in SI by name."""
@@ -201,7 +182,6 @@ def joint_filter(
     *,
     drifts: FloatArray | None = None,
     pace: Pace = AS_PLANNED,
-    reference: Reference | None = None,
     considered: Considered | None = None,
 ) -> JointFilter:
     """The joint filter of an actuator.
@@ -223,15 +203,13 @@ def joint_filter(
     pace
         Integration steps by position and speed, see `clutchid.simulation.stiffness.pace`; by default those of the
         segment.
-    reference
-        Numbers of a reference observer that corrects in place of the Kalman filter.
     considered : Considered, optional
         Parameters that widen what is said to be uncertain.
     """
     k, names = len(coordinates), [c.base for c in coordinates]
     mean = actuator.replace({c.base: c.si(0.0) for c in coordinates})
     mapped = parameter_map(mean, names, range(k), np.ones(k), k)
-    which, free = columns(mean, () if reference else names), _free_arrays(mean, coordinates, bounds, measure)
+    which, free = columns(mean, names), _free_arrays(mean, coordinates, bounds, measure)
     moving, sensors = _moving_columns(which, free), sensor_rows(mapped, measure)
     few = few_suffice(mean.model, which.fill_slot.tolist())
     sensors[:, LAG] = [moving.response(j) for j in sensors[:, LAG].tolist()]
@@ -248,7 +226,6 @@ def joint_filter(
         pace=pace,
         sensors=sensors,
         few=few,
-        reference=reference,
         considered=considered,
     )
 
@@ -294,7 +271,7 @@ class JointPass(NamedTuple):
     correction was due.
     """
 
-    state: MethodState
+    state: FilterState
     errors: FloatArray
     states: FloatArray
     deviations: FloatArray
@@ -314,7 +291,7 @@ def init(
     T: FloatArray,
     G: FloatArray | None = None,
     wear: IntArray | None = None,
-) -> MethodState:
+) -> FilterState:
     """State at the start of a segment.
 
     Parameters
@@ -328,7 +305,7 @@ def init(
     wear : (1,), optional
         Columns of drift that T has still to gain, see `FilterState`; by default none.
     """
-    k, reference, responses = theta.size, joint.reference, joint.moving.responses
+    k, responses = theta.size, joint.moving.responses
     none = np.zeros(1, dtype=np.int64)
     mapped = parameter_map(joint.actuator(theta), joint.mapped.bases, range(k), np.ones(k), k)
     y_max = mapped.actuator.parameters.y_max
@@ -337,11 +314,7 @@ def init(
     if not segment.vented:  # a piston that moves has the pressure of its friction beside that of the load
         (at_v, at_p_A), p = (mapped.actuator.states.index(name) for name in ("v", "p_A")), mapped.actuator.parameters
         L[at_p_A, at_v] = p.D_v / p.A_A * L[at_v, at_v]
-    x, S = first_state(segment, mapped, joint.which, L[:, :0] if reference else L, joint.measure)
-    if reference:
-        return reference.start(
-            x, theta.copy(), np.array(T, order="C"), len(kernels(joint.mapped.actuator.model).INPUTS)
-        )
+    x, S = first_state(segment, mapped, joint.which, L, joint.measure)
     moved = np.eye(x.size, responses + x.size, responses)
     E = _with_outputs(joint, joint.considered.start) if joint.considered else np.zeros((x.size, 0))
     G = np.zeros((k, E.shape[1])) if G is None else G.copy()
@@ -358,15 +331,14 @@ def _with_outputs(joint: JointFilter, of_states: FloatArray) -> FloatArray:
 
 
 def follow(
-    joint: JointFilter, state: MethodState, segment: JointInputs, span: tuple[int, int], number: int = 0
+    joint: JointFilter, state: FilterState, segment: JointInputs, span: tuple[int, int], number: int = 0
 ) -> JointPass | Diverged:
     """Filter the samples of a segment from the first of `span` to before the last, from the state before the first.
 
     A recording that is filtered in parts has the same result bit by bit, if `number` is that of the first sample of the
     part in the recording.
     """
-    kind: Any = type(state)
-    after: MethodState = kind(*(array.copy() for array in state))
+    after = FilterState._make(array.copy() for array in state)
     n, sensors, count = len(joint.mapped.actuator.states), len(joint.measure), span[1] - span[0]
     one_gain, nothing = np.empty((1, sensors, n + sensors + 1)), (np.empty((0, sensors, 1)), np.empty((0, 1)))
     output = FilterOutput(np.empty((count, sensors, 2)), np.empty((count, n)), np.empty((count, n)), one_gain, *nothing)
@@ -394,10 +366,9 @@ class _Latest(threading.local):
 _latest = _Latest()
 
 
-def _prepared(joint: JointFilter, state: MethodState, inputs: Sequence[NDArray[Any]]) -> tuple[Any, FilterArrays]:
+def _prepared(joint: JointFilter, state: FilterState, inputs: Sequence[NDArray[Any]]) -> tuple[Any, FilterArrays]:
     """The kernel, and its arrays; a kernel without types, as where Numba is switched off, is called as it is."""
-    (module, name), shapes = joint.kernel, (state.x.shape, state.T.shape)
-    kernel: Any = getattr(kernels_in(module), name)
+    kernel, shapes = kernels_in(_RECURSION).follow_segment, (state.x.shape, state.T.shape)
     before, before_kernel, before_shapes = _latest.prepared
     if before is not joint or before_kernel is not kernel or before_shapes != shapes:
         _latest.prepared, _latest.arrays, _latest.compiled = (joint, kernel, shapes), _arrays(joint, state), None
@@ -448,12 +419,11 @@ def _source(joint: JointFilter, size: int) -> FloatArray:
     return np.ascontiguousarray(np.vstack([seconds * rate, np.zeros((size - len(rate), rate.shape[1]))]))
 
 
-def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
+def _arrays(joint: JointFilter, state: FilterState) -> FilterArrays:
     """Arrays of the recursion: derived from theta, settings, and scratch."""
     s, moving, actuator = joint.settings, joint.moving, joint.mapped.actuator
     n, names = len(actuator.states), actuator.states
-    moved = moving.responses + state.x.size if joint.reference is None else 0
-    model = model_arrays(joint.mapped, moving.columns(), moved, joint.few)
+    model = model_arrays(joint.mapped, moving.columns(), moving.responses + state.x.size, joint.few)
     own = model._replace(p=model.p.copy(), load=model.load.copy())
     deviations = [joint.noise.of_samples(name, s.spacing * s.every) for name in joint.measure]
     derived = derived_arrays(actuator, joint.measure, deviations, state.theta.size)
@@ -467,12 +437,10 @@ def _arrays(joint: JointFilter, state: MethodState) -> FilterArrays:
         names.index("v"),
         names.index("y"),
         -1,
-        joint.reference,
         _source(joint, state.x.size),
         joint.drifts,
         0.5 * s.every * s.spacing,
         s.spacing,
     )
-    width = state.S.shape[1] if isinstance(state, FilterState) else 0
-    room = scratch(state.x.size, width, state.T, n, len(joint.measure))
+    room = scratch(state.x.size, state.S.shape[1], state.T, n, len(joint.measure))
     return FilterArrays(own, joint.free, derived, joint.sensors, settings, joint.pace, window, room)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,10 +189,10 @@ class SettingsArrays(NamedTuple):
     """Settings of the filter.
 
     Samples between corrections; standard deviations beyond which an innovation is an outlier; speed in m/s above which
-    parameters adapt; rows of speed and position in x, and of the state that is watched; numbers of a reference
-    observer; what E gains from one correction to the next (size, c); root of what T gains in a stroke (k, d); time in s
-    from a correction to the middle between it and the next, around which the window of load weights is placed; usual
-    time in s from one sample to the next.
+    parameters adapt; rows of speed and position in x, and of the state that is watched; what E gains from one
+    correction to the next (size, c); root of what T gains in a stroke (k, d); time in s from a correction to the middle
+    between it and the next, around which the window of load weights is placed; usual time in s from one sample to the
+    next.
     """
 
     every: int
@@ -201,7 +201,6 @@ class SettingsArrays(NamedTuple):
     at_speed: int
     at_position: int
     at_watched: int
-    reference: Any
     source: FloatArray = np.zeros((0, 0))
     drifts: FloatArray = np.zeros((0, 0))
     ahead: float = 0.0
