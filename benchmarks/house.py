@@ -1,9 +1,9 @@
 """How large the house is, and whether its rooms keep their order: ``python benchmarks/house.py [--ref COMMIT]``.
 
 Code lines are those of ``src`` without docstrings, comments and blank lines, without imports but with ``--imports``;
-templates stand beside them. Foreign modules of a room are those of other rooms that its files import. A
-circle is a group of files that import each other in a loop, imports within functions included, those for type checkers
-only left out.
+templates stand beside them, vendored ones left out. Foreign modules of a room are those of other rooms that its files
+import. A circle is a group of files that import each other in a loop, imports within functions included, those for type
+checkers only left out. ``--rooms`` prints the size of each room, with imports, and its limit in pyproject.toml.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 
-TEMPLATES = (".j2", ".toml", ".js")
+TEMPLATES = (".j2", ".toml", ".js", ".css", ".html")
 
 
 def modules(source: Path) -> dict[str, Path]:
@@ -83,7 +83,7 @@ def circles(source: Path) -> list[list[str]]:
 
 
 #: Rooms whose foreign modules are counted: the doors, and what renders results.
-DOORS = ("cli", "app", "fleets", "study", "documents")
+DOORS = ("cli", "app", "fleets", "study", "documents", "verbs")
 
 
 def foreign(source: Path, rooms: tuple[str, ...]) -> int:
@@ -113,18 +113,65 @@ def code_lines(path: Path, *, imports: bool = False) -> int:
     return sum(1 for n, line in lines if n not in taken and line.strip() and not line.strip().startswith("#"))
 
 
+#: Room of the files that lie beside the packages.
+FILES = "files beside the packages"
+
+
+def sizes(root: Path) -> dict[str, int]:
+    """Sizes that have a limit: code lines of each room with imports, of src and tests; lines of templates; words."""
+    package, rooms = root / "src" / "clutchid", {FILES: 0}
+    for path in package.rglob("*.py"):
+        place = path.relative_to(package).parts
+        room = place[0] if len(place) > 1 else FILES
+        rooms[room] = rooms.get(room, 0) + code_lines(path, imports=True)
+    return {
+        **dict(sorted(rooms.items())),
+        "src": sum(rooms.values()),
+        "templates": template_lines(package),
+        "tests": sum(code_lines(path, imports=True) for path in (root / "tests").rglob("*.py")),
+        "docs": words(root),
+    }
+
+
+def over(measures: Mapping[str, int], limits: Mapping[str, int]) -> list[str]:
+    """Sentences on the sizes that exceed their limit, or have none."""
+    return [
+        f"{name}: {size:,} is {size - limits[name]:,} over its limit of {limits[name]:,}"
+        if name in limits
+        else f"{name}: {size:,} has no limit in [tool.house]"
+        for name, size in measures.items()
+        if size > limits.get(name, -1)
+    ]
+
+
+def limits_of(root: Path) -> dict[str, int]:
+    """The limits of sizes, from pyproject.toml."""
+    limits: dict[str, int] = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["house"]
+    return limits
+
+
+def template_lines(package: Path) -> int:
+    """Lines of templates, vendored files left out."""
+    templates = [path for path in package.rglob("*") if path.suffix in TEMPLATES and "vendor" not in path.parts]
+    return sum(len(path.read_text("utf-8").splitlines()) for path in templates)
+
+
+def words(root: Path) -> int:
+    """Words of the documentation."""
+    return sum(len(path.read_text("utf-8").split()) for path in (root / "docs").rglob("*.md"))
+
+
 def measured(root: Path, *, imports: bool = False) -> dict[str, str]:
     """The measures of a work tree."""
     source = root / "src"
     package = source / "clutchid"
     files = [*modules(source).values()]
-    templates = [path for path in package.rglob("*") if path.suffix in TEMPLATES]
     contracts = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
     loops, tests = circles(source), [*(root / "tests").rglob("*.py")]
     entries = [path for path in package.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()]
     return {
         "code lines": f"{sum(code_lines(path, imports=imports) for path in files):,}",
-        "lines of templates": f"{sum(len(path.read_text('utf-8').splitlines()) for path in templates):,}",
+        "lines of templates": f"{template_lines(package):,}",
         "files": str(len(files)),
         "entries in src/clutchid": str(len(entries)),
         "exceptions of the import contract": str(len(contracts[0].get("ignore_imports", []))),
@@ -134,7 +181,7 @@ def measured(root: Path, *, imports: bool = False) -> dict[str, str]:
             f"foreign modules of {room}": str(foreign(source, (room, "reports") if room == "documents" else (room,)))
             for room in DOORS
         },
-        "words of docs": f"{sum(len(path.read_text('utf-8').split()) for path in (root / 'docs').rglob('*.md')):,}",
+        "words of docs": f"{words(root):,}",
     }
 
 
@@ -143,7 +190,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--ref", default="", help="a commit to compare with")
     parser.add_argument("--imports", action="store_true", help="count the lines of imports too")
+    parser.add_argument("--rooms", action="store_true", help="print the size and the limit of each room")
     options = parser.parse_args()
+    if options.rooms:
+        limits = limits_of(ROOT)
+        for name, size in sizes(ROOT).items():
+            print(f"{name:28s} {size:>8,} {limits.get(name, 0):>8,}")
+        return
     now, before = measured(ROOT, imports=options.imports), {}
     if options.ref:
         with tempfile.TemporaryDirectory() as folder:

@@ -69,6 +69,19 @@ def test_no_files_import_each_other_in_a_loop(source):
     assert house["circles"](source.parent) == []
 
 
+def test_no_room_is_larger_than_its_limit():
+    house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
+    assert house["over"](house["sizes"](ROOT), house["limits_of"](ROOT)) == []
+
+
+def test_a_room_beyond_its_limit_or_without_one_is_named():
+    house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
+    assert house["over"]({"wear": 912, "rig": 700, "attic": 5}, {"wear": 900, "rig": 700}) == [
+        "wear: 912 is 12 over its limit of 900",
+        "attic: 5 has no limit in [tool.house]",
+    ]
+
+
 def test_a_loop_of_imports_is_found(tmp_path):
     house = runpy.run_path(str(ROOT / "benchmarks" / "house.py"))
     package = tmp_path / "clutchid"
