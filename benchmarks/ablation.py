@@ -14,9 +14,9 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
+from prove import SECONDS
 
 from clutchid import fit
-from clutchid.study.proving.ground import SECONDS
 from clutchid.truck import Truck, drive, truck
 
 FAST_VALVES = {f"t_{i}{valve}": 1e-4 for valve in "se" for i in (1, 2, 3, 4)}

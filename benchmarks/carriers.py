@@ -10,12 +10,12 @@ from __future__ import annotations
 import argparse
 from unittest.mock import patch
 
+from prove import SECONDS
 from widening import seeds
 
 from clutchid.estimation.automatic import WITH_CARRIER
 from clutchid.model.actuator import Actuator
 from clutchid.preparation import pulses
-from clutchid.study.proving.ground import SECONDS
 from clutchid.truck import drive, truck
 
 

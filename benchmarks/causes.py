@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from online import calibrated
+from prove import STROKES_A_METRE
 from scipy.special import chdtr
 from scipy.stats import beta
 from widening import ANOTHER, CASES, LATE, WEAR, seeds
@@ -56,7 +57,6 @@ from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.observer import observe_recording, observer
 from clutchid.observer.health import FLAGS
 from clutchid.strokes.travel import GAIN, MORE
-from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Stored readings, a line each.

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 from observer_band import CASES
 from online import WEAR, calibrated
+from prove import STROKES_A_METRE
 
 from clutchid.inference.filter.joint_filter import JointPass
 from clutchid.log import Log
@@ -27,7 +28,6 @@ from clutchid.observer import following
 from clutchid.observer.contradiction import LARGEST_EXCESS, LEARNING, STANDING
 from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive, truck
 
 #: Trucks that the rule was chosen on, and those that it was reported on, by family and number.

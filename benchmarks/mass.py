@@ -6,9 +6,9 @@ from the virtual truck (`LOSSES`), for the calibration and for the reading: a pr
 one that the model lacks. ``--scores`` prints, at the reading with the true load and the changes of temperature, by how
 much each fixed parameter alone would lower the cost, and what load the free reading would then have.
 
-FOLDER keeps every calibration and reading, so a run goes on where it was interrupted. Errors are those of ``clutchid
-prove``, rms over 0.5 to 20 mm in % of the peak, median / worst; bias is the mean signed error; "lower supply" the share
-of readings in which a changed supply pressure has more than half of the probability.
+FOLDER keeps every calibration and reading, so a run goes on where it was interrupted. Errors are those of
+``prove.py``, rms over 0.5 to 20 mm in % of the peak, median / worst; bias is the mean signed error; "lower supply" the
+share of readings in which a changed supply pressure has more than half of the probability.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from prove import SECONDS
 from widening import CASES, left_out, seeds, worn_clutch
 
 from clutchid import FitRequest, Prior, fit
@@ -41,7 +42,6 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
 from clutchid.parameters import Drift, Parameters
-from clutchid.study.proving.ground import SECONDS
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 TEMPERATURE, SUPPLY = "temperature and grease", "supply pressure"

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from prove import SECONDS
 from readings import LACKING, calibration_of
 from widening import LATE, calibrated, reading, seeds, worn_clutch
 
@@ -27,7 +28,6 @@ from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import Log
 from clutchid.observer import observe, observer, start
 from clutchid.simulation.noise import Noise
-from clutchid.study.proving.ground import SECONDS
 from clutchid.truck import drive, truck
 
 #: Factors of the noise of position and of that of the model, and the changes under which a worn clutch is read.

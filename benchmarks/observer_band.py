@@ -23,13 +23,13 @@ from typing import NamedTuple
 
 import numpy as np
 from online import WEAR, calibrated
+from prove import SECONDS, STROKES_A_METRE
 
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.conditions import by_supply
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.observer import Observer, observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
 from clutchid.truck import GRID, Vehicle, drive, truck
 
 #: First number of the trucks of families, and first seed of the hybrids.

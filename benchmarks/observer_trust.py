@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 from online import ANOTHER, FAULTS, WEAR, calibrated
+from prove import STROKES_A_METRE
 
 from clutchid.estimation.assess.observed import engaging_load, indicators, observed_verdict
 from clutchid.observer.observer import observer
 from clutchid.observer.recording import observe_recording
-from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive, truck
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from prove import SECONDS, STROKES_A_METRE
 
 import clutchid
 from clutchid import fit
@@ -31,7 +32,6 @@ from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
 from clutchid.observer.observer import observer, start
 from clutchid.strokes.stroke import NO_STROKES, count_strokes
-from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Wear of the facing in m.

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from online import WEAR, calibrated
+from prove import STROKES_A_METRE
 
 from clutchid import Actuator
 from clutchid.documents.figures import draw, fill, label, legend, new_figure
@@ -27,7 +28,6 @@ from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import ObservedRecording, observe, observe_recording, observer, start
 from clutchid.study.paper.pressure import measured_motion
-from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import drive, truck
 
 SECONDS = 30.0

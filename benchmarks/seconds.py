@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from widening import SECONDS, seeds, worn_clutch
+from prove import SECONDS, Answer, score
+from widening import seeds, worn_clutch
 
 from clutchid import DataError, Fit, FitRequest, SolveError
 from clutchid.estimation.fit import FIT_METHODS, fit_request
@@ -31,7 +32,6 @@ from clutchid.log import Log
 from clutchid.preparation.pulses import centred
 from clutchid.strokes.duty_cycle import grid_phase
 from clutchid.strokes.vented_rest import from_rest
-from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import GRID, Truth, drive, truck
 
 #: Columns that the recordings lack.

@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from observer_band import FIRST, HYBRIDS, truck_and_observer
 from online import WEAR
+from prove import STROKES_A_METRE
 
 from clutchid.log import Log
 from clutchid.observer import Observer, ObserverState, observe, start
 from clutchid.strokes.stroke import BEGINS
-from clutchid.study.proving.ground import STROKES_A_METRE
 from clutchid.truck import GRID, drive
 
 #: Interval of the starts, and the time after each in which pressure and position count, in samples.

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from clutchid import Fit, FitRequest, Partition, fit, read
-from clutchid.study.proving.scores import half_load
+from clutchid.estimation.assess.comparison import half_load
 
 PARTITIONS = {
     "ballistic": None,

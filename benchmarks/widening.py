@@ -2,10 +2,10 @@
 
 Every truck of the proving ground is calibrated once with pressure. Then its worn clutch is recorded under one change at
 a time and under pairs of them, and the load is read from position alone: by default, which weighs what may have
-changed, and with the supply pressure free with 5 % or measured with a workshop's instrument. Errors as in ``clutchid
-prove``, median / worst over the trucks; covered is the share of the grid where the band holds the true load, width the
-median of the band from low to high in % of the peak; trust counts the verdicts good / with care / none; seconds are
-those of a reading, median / worst. Below the table: how well the verdicts tell good from bad, over all rows together.
+changed, and with the supply pressure free with 5 % or measured with a workshop's instrument. Errors as in ``prove.py``,
+median / worst over the trucks; covered is the share of the grid where the band holds the true load, width the median of
+the band from low to high in % of the peak; trust counts the verdicts good / with care / none; seconds are those of a
+reading, median / worst. Below the table: how well the verdicts tell good from bad, over all rows together.
 """
 
 from __future__ import annotations
@@ -22,13 +22,12 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from prove import SECONDS, STROKES_A_METRE, Answer, score
 
 from clutchid import DataError, Fit, FitRequest, Prior, SolveError, fit
 from clutchid.estimation.fit import MethodName
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS
-from clutchid.study.proving.ground import SECONDS, STROKES_A_METRE
-from clutchid.study.proving.scores import Answer, score
 from clutchid.truck import CHANGES, GRID, Drive, Vehicle, drive, truck
 
 #: Columns of the table.
@@ -94,7 +93,7 @@ REMEDIES: dict[str, Callable[[Fit, float], dict[str, Any]]] = {
 
 
 class Reading(NamedTuple):
-    """A load read from position alone: errors as in ``clutchid prove``, band, verdict and time."""
+    """A load read from position alone: errors as in ``prove.py``, band, verdict and time."""
 
     error: float
     error_5_to_8: float

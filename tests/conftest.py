@@ -85,7 +85,7 @@ THETA = (9.0e5, -0.3e5, 0.6e5)
 LONG = (
     "docs/test_site", "docs/test_console_blocks", "app/test_jobs", "house/test_python_page",
     "oracles/test_finite_differences", "golden/test_golden_results", "test_systems", "fleets/test_cluster",
-    "study/proving/test_proving", "cli/test_fleet_command", "documents/test_fit", "cli/test_track_command",
+    "cli/test_fleet_command", "documents/test_fit", "cli/test_track_command",
     "cli/test_fit_output", "study/paper/test_paper_study", "cli/test_commands", "rig/test_lugre", "docs/test_gallery",
     "house/test_new_parameter",
 )  # fmt: skip
@@ -94,7 +94,7 @@ LONG = (
 TOGETHER = ("tests/study/paper/",)
 
 #: Public names whose examples in the docstring take longer than 0.6 s.
-SLOW_EXAMPLES = {"calibrate", "export", "fleet", "prove", "report", "track"}
+SLOW_EXAMPLES = {"calibrate", "export", "fleet", "report", "track"}
 
 
 @pytest.hookimpl(wrapper=True)

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from clutchid.simulation import simulate as simulate
     from clutchid.simulation import simulate_many as simulate_many
     from clutchid.study import bundled_recording as bundled_recording
-    from clutchid.study.proving.ground import prove as prove
     from clutchid.truck import drive as drive
     from clutchid.verbs.attached import plot as plot
     from clutchid.verbs.attached import report as report
@@ -80,7 +79,6 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "measurements.look": ("look",),
     "simulation": ("Partition", "Simulation", "Simulations", "simulate", "simulate_many"),
     "study": ("bundled_recording",),
-    "study.proving.ground": ("prove",),
     "truck": ("drive",),
     "wear.life": ("Wear",),
     "verbs.attached": ("plot", "report"),

@@ -46,13 +46,13 @@ def test_on_a_terminal_there_is_a_bar_and_no_line(passing, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("count", "seconds", "words"),
     [
-        (50, 20.0, "50 of 1,000 trucks, 2.5 a second, 6 min left"),
-        (1, 600.0, "1 of 1,000 trucks, 6 an hour, 7 d left"),
-        (1000, 1.0, "1,000 of 1,000 trucks, 1,000 a second, 0 s left"),
+        (50, 20.0, "50 of 1,000 recordings, 2.5 a second, 6 min left"),
+        (1, 600.0, "1 of 1,000 recordings, 6 an hour, 7 d left"),
+        (1000, 1.0, "1,000 of 1,000 recordings, 1,000 a second, 0 s left"),
     ],
 )
 def test_a_rate_is_in_the_unit_of_time_in_which_it_is_one_or_more(count, seconds, words):
-    assert progress_words(count, 1000, "trucks", seconds) == words
+    assert progress_words(count, 1000, seconds) == words
 
 
 def test_what_a_reset_takes_needs_a_reset():

@@ -12,11 +12,9 @@ import time
 import psutil
 import pytest
 
-from clutchid.errors import ExportError, ParameterError
+from clutchid.errors import ExportError
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.files import check_writable
-from clutchid.study.proving.ground import _read
-from clutchid.study.proving.workflows import workflow
 from clutchid.verbs.saving import check_outputs
 from fixtures.commands import called, process, wait_for
 
@@ -34,9 +32,9 @@ def ended(pid: int) -> bool:
 
 
 @posix
-def test_the_workers_of_prove_end_with_it(tmp_path):
+def test_the_workers_of_a_command_end_with_it(tmp_path):
     command = subprocess.Popen(
-        [*COMMAND, "prove", "--out", tmp_path / "out", "--trucks", "4", "--workers", "2"],
+        [*COMMAND, "drive", "--fleet", "4", "--out", tmp_path / "out", "--workers", "2"],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     wait_for(lambda: len(psutil.Process(command.pid).children(recursive=True)) >= 2)
@@ -98,24 +96,13 @@ def test_an_interrupted_command_says_what_is_kept(command, interrupted, sentence
     assert (json.loads(shown.out)["message"] if options else shown.err.strip().removeprefix("clutchid: ")) == sentence
 
 
-def test_an_interrupted_evaluation_of_trucks_says_what_is_kept(monkeypatch, capsys):
-    def stop(*_arguments, **_options):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("clutchid.study.proving.ground.prove", stop)
-    assert called("prove", "--out", "R") == 130
-    assert (
-        "the trucks that are done are kept in R; the same command goes on with the others." in capsys.readouterr().err
-    )
-
-
 ADDRESSES = ["s3://bucket/run.csv", "https://host/run.csv", "gs://bucket/run.csv", r"\\server\share\run.csv"]
 
 #: Commands that read or write at @.
 READING = [
     "fit r.csv --start @", "look r.csv --map @", "fleet @ --start C.toml --out R", "fleet . --start @ --out R",
     "fleet . --start C.toml --out @", "track @ --start C.toml --out w.parquet", "drive --out @", "paper --out @",
-    "track r.csv --start C.toml --table @ --out w.parquet", "drive --fleet 1 --out @", "prove --trucks 1 --out @",
+    "track r.csv --start C.toml --table @ --out w.parquet", "drive --fleet 1 --out @",
     "app --folder @", "app @",
 ]  # fmt: skip
 
@@ -215,19 +202,6 @@ def test_an_output_that_no_file_can_be_is_refused(tmp_path):
         check_outputs({"--out": first}, [("the recording", tmp_path / "log.csv")])
     with pytest.raises(ExportError, match=r"cannot be written \(File name too long\); name another file"):
         check_writable(tmp_path / ("a" * 300))
-
-
-@pytest.mark.parametrize("name", ["../../x:y", ":run", "module:", "a b:run", ".x:run"])
-def test_a_workflow_that_is_no_name_of_a_function_is_refused(name):
-    with pytest.raises(ParameterError, match="write MODULE:FUNCTION of an importable module"):
-        workflow(name)
-
-
-@pytest.mark.parametrize("content", ["", "{", '{"truck": 0, "fai', "[1]", "\x00"])
-def test_a_result_that_is_not_whole_is_made_again(content, tmp_path):
-    path = tmp_path / "truck_00000.json"
-    path.write_text(content)
-    assert _read(path) is None
 
 
 @posix

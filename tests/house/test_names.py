@@ -11,7 +11,7 @@ from fixtures.trees import source_nodes, source_trees
 #: Names of several modules, by the interface that these modules share.
 INTERFACES = {
     "a verb of Python, its command, and its task on the page": (
-        "calibrate", "cut", "drive", "estimate", "export", "fit", "fleet", "friction", "look", "observe", "prove",
+        "calibrate", "cut", "drive", "estimate", "export", "fit", "fleet", "friction", "look", "observe",
         "simulate", "track",
     ),
     "the page's record of it, reached as `records.NAME`": ("Export", "Observation", "Recording", "Table"),

@@ -15,7 +15,6 @@ from clutchid.preparation.pulses import (
     on_off,
     pulsed,
 )
-from clutchid.study.proving.ground import proof
 from fixtures.changed_logs import spoiled, thinned
 from fixtures.duty_cycles import commanded
 
@@ -56,11 +55,14 @@ def test_any_phase_is_found(plant, switched, recorded_by, phase):
     assert apart(find_carrier(log, plant, (PERIOD,))[1], phase) <= 0.05
 
 
-@pytest.mark.parametrize("number", [2071, 2073, 2081, 2092])
-def test_the_grid_of_the_duty_cycles_is_the_carrier_of_trucks_whose_longer_periods_explain_much(number):
+@pytest.mark.parametrize(
+    ("number", "seed"), [(2071, 943635715), (2073, 1415277649), (2081, 687545777), (2092, 926099093)]
+)
+def test_the_grid_of_the_duty_cycles_is_the_carrier_of_trucks_whose_longer_periods_explain_much(number, seed):
     """Five times the period, or twice, explains more of what is left beside its own mean than the true one does."""
-    log = proof(number).calibration.log
-    assert find_carrier(log, Actuator(model=AUTOMATIC))[0] == virtual.truck(number).T_pwm
+    kind = virtual.truck(number)
+    log = virtual.drive(kind, seconds=30.0, seed=seed).log
+    assert find_carrier(log, Actuator(model=AUTOMATIC))[0] == kind.T_pwm
 
 
 def test_a_recording_without_a_carrier_has_none(plant, drive_log):

@@ -31,7 +31,6 @@ from clutchid.cli.friction import friction
 from clutchid.cli.look import look
 from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
-from clutchid.cli.prove import prove
 from clutchid.cli.simulate import simulate
 from clutchid.cli.track import track
 from clutchid.documents.console import lost, put
@@ -60,7 +59,6 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (cut, "RECORDING --out BEST.parquet [OPTIONS]"),
     (friction, "FILES... [OPTIONS]"),
     (drive, "--out LOG.parquet [OPTIONS]"),
-    (prove, "--out FOLDER [OPTIONS]"),
     (paper, "--out FOLDER [OPTIONS]"),
 )
 

@@ -47,7 +47,6 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 #: Files that an interrupted command leaves, and how to go on, by its name; others write their files at the end.
 _KEPT = {
     "fleet": "what has been read is kept in {out}; the same command goes on from there.",
-    "prove": "the trucks that are done are kept in {out}; the same command goes on with the others.",
     "drive --fleet": "{out} has a part of the fleet, without its tables; remove it, and give the same command again.",
 }
 _STARTS_AGAIN = "no file is left half-written; the same command starts from the beginning."
@@ -166,10 +165,8 @@ _SPANS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 
 @contextmanager
-def progress_of(
-    title: str, items: str = "recordings", clock: Callable[[], float] = monotonic
-) -> Iterator[Callable[[int, int], None]]:
-    """Progress on standard error: a bar on a terminal, elsewhere a line a minute; call it with items done and all.
+def progress_of(title: str, clock: Callable[[], float] = monotonic) -> Iterator[Callable[[int, int], None]]:
+    """Progress on standard error: a bar on a terminal, elsewhere a line a minute; call it with recordings done and all.
 
     Parameters
     ----------
@@ -182,7 +179,7 @@ def progress_of(
         def progress(count: int, total: int) -> None:
             nonlocal last
             now = clock()
-            words = progress_words(count, total, items, now - begin)
+            words = progress_words(count, total, now - begin)
             show(words, count / total)
             if now - last >= PROGRESS_PERIOD and not sys.stderr.isatty():
                 put(f"{title}: {words}", to=sys.stderr)
@@ -191,16 +188,16 @@ def progress_of(
         yield progress
 
 
-def progress_words(count: int, total: int, items: str, seconds: float) -> str:
-    """Items done of all, at least one, their rate so far, and the time left at that rate.
+def progress_words(count: int, total: int, seconds: float) -> str:
+    """Recordings done of all, at least one, their rate so far, and the time left at that rate.
 
     Examples
     --------
-    >>> progress_words(30, 1200, "recordings", 60.0)
+    >>> progress_words(30, 1200, 60.0)
     '30 of 1,200 recordings, 30 a minute, 39 min left'
     """
     rate = count / max(seconds, 1e-3)
-    return f"{count:,} of {total:,} {items}, {_rate(rate)}, {_span((total - count) / rate)} left"
+    return f"{count:,} of {total:,} recordings, {_rate(rate)}, {_span((total - count) / rate)} left"
 
 
 def _rate(rate: float) -> str:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @cache
 def version_and_source() -> dict[str, str]:
-    """Version and source hash of clutchid, including the ranges of the virtual fleet."""
+    """Version and source hash of clutchid, including its templates and tables."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*")):
         if path.suffix in (".py", ".j2", ".toml"):

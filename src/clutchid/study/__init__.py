@@ -1,4 +1,4 @@
-"""Studies: the paper's Section 3 repeated on a recording, and the proving ground with virtual trucks."""
+"""The paper's study, Section 3: tables, figures and a page from one recording fitted and one verified."""
 
 from clutchid.study.paper.recording import bundled_recording, halves
 from clutchid.study.paper.study import PaperStudy, paper_study

@@ -188,8 +188,8 @@ def _alone(reading: Fit, why: str) -> str:
 Trust = Literal["good", "with care", "none"]
 
 #: A load from position alone with the parameters of the paper: its error in % of the peak over 0.5 to 20 mm in the
-#: median, and how many % of the points its band holds. Provenance: `clutchid prove --trucks 24 --seed 1000 --workflow
-#: paper` prints 17.9 and 37.4, with `--family B` 21.9 and 38.3.
+#: median, and how many % of the points its band holds. Provenance: `python benchmarks/prove.py --trucks 24 --seed 1000
+#: --workflow paper` prints 17.9 and 37.4, with `--family B` 21.9 and 38.3.
 PAPER_OFF, PAPER_HELD = 18, 37
 
 #: Note on the interval of a fit without a calibration.
