@@ -1,4 +1,4 @@
-"""Tables as CSV, text and HTML."""
+"""Tables as CSV and HTML."""
 
 import csv
 from io import StringIO
@@ -6,7 +6,7 @@ from io import StringIO
 import pytest
 
 from clutchid.documents import Column, ReportTable
-from clutchid.documents.tables import Link, scientific, to_csv, to_html, to_text
+from clutchid.documents.tables import Link, scientific, to_csv, to_html
 
 COLUMNS = (
     Column("method", "method"),
@@ -48,25 +48,6 @@ def test_people_see_scaled_numbers_to_the_right_escaped_texts_and_groups_over_th
     assert part in to_html(TABLE)
 
 
-def test_text_has_numbers_under_each_other():
-    title, *heads, rule, first, second = to_text(TABLE, 80).splitlines()
-    assert title == "Errors <of> two"
-    assert [*map(str.split, heads)] == [
-        ["position", "pressure"], ["rms", "Σe²"], ["method", "[mm]", "[m²]", "rms", "[bar]"]
-    ]  # fmt: skip
-    assert first.index("0.333") + 5 == second.index("2.000") + 5
-    assert len(rule) >= len(first)
-
-
-def test_text_that_is_too_wide_goes_on_below_after_its_first_column_and_a_group_stays_together():
-    wide = to_text(TABLE, 80)
-    narrow = to_text(TABLE, 34)
-    assert max(map(len, wide.splitlines())) > 34 >= max(map(len, narrow.splitlines()))
-    first, second = narrow.split("\n\n")
-    assert first.splitlines()[-2].split() == ["ballistic", "0.333", "1.23·10⁻³"]
-    assert second.splitlines()[-2].split() == ["ballistic", "0.25"]
-
-
 def test_a_column_is_found_with_and_without_its_unit():
     assert TABLE.column("position_rms [m]") == TABLE.column("position_rms") == (1 / 3000, 2e-3)
     with pytest.raises(ValueError, match="nothing"):
@@ -99,7 +80,6 @@ def test_a_link_leads_somewhere_on_a_page_and_is_its_text_elsewhere():
     assert '<th scope=row><a href="v/x%20y.html">x &amp; y</a></th>' in to_html(table)
     assert "<th scope=row>z</th>" in to_html(table)
     assert to_csv(table).splitlines()[1:] == ["x & y,1.0", "z,2.0"]
-    assert "x & y" in to_text(table, 80)
 
 
 def test_only_a_date_stays_on_one_line_on_a_page():

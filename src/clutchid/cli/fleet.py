@@ -84,7 +84,7 @@ class Scheduler:
 
 
 #: No scheduler: processes of this machine do the work.
-NO_SCHEDULER = Scheduler()
+_NO_SCHEDULER = Scheduler()
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def fleet(
     out: OutOption,
     verb: Literal["fit", "observe", "track"] = "fit",
     pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = _ONE_PROCESS,
-    scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = NO_SCHEDULER,
+    scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = _NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
     files: FileOptions = USUAL_FILES,

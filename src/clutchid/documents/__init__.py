@@ -3,7 +3,7 @@
 from clutchid.documents.document import Document, LabelRow, On
 from clutchid.documents.html import write_page
 from clutchid.documents.results import FleetWear, Observation, RigFriction, WornClutch, document_of
-from clutchid.documents.tables import Column, ReportTable, to_csv, to_text
+from clutchid.documents.tables import Column, ReportTable, to_csv
 from clutchid.documents.terminal import lines_of
 
 __all__ = [
@@ -19,6 +19,5 @@ __all__ = [
     "document_of",
     "lines_of",
     "to_csv",
-    "to_text",
     "write_page",
 ]

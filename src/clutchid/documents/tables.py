@@ -1,4 +1,4 @@
-"""`ReportTable`: rows in SI and columns with display formats, as HTML, CSV or text; tables of load curves."""
+"""`ReportTable`: rows in SI and columns with display formats, as HTML or CSV; tables of load curves."""
 
 from __future__ import annotations
 
@@ -145,45 +145,6 @@ def _plain(cell: Cell) -> str:
     if isinstance(cell, Link):
         return cell.text
     return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
-
-
-def to_text(table: ReportTable, width: int) -> str:
-    """The table as aligned text; columns that exceed the width follow below, after the leading columns of text.
-
-    Columns of a group stay together, under its name.
-    """
-    count = len(table.columns)
-    keys = next((i for i in range(count) if _is_numeric(table, i)), count)
-    leading = [_text_columns(table, [i]) for i in range(keys)]
-    blocks = [leading]
-    for _, members in groupby(range(keys, count), lambda i: table.columns[i].group or i):
-        added = _text_columns(table, list(members))
-        if len(blocks[-1]) > keys and sum(len(lines[0]) + 2 for lines in [*blocks[-1], added]) - 2 > width:
-            blocks.append(leading)
-        blocks[-1] = [*blocks[-1], added]
-    parts = [["  ".join(cells).rstrip() for cells in zip(*block, strict=True)] for block in blocks]
-    return "\n".join([table.title, "\n\n".join("\n".join(filter(None, lines)) for lines in parts)])
-
-
-def _text_columns(table: ReportTable, members: list[int]) -> list[str]:
-    """The lines of a column, or of the columns of a group below its name, all of one length."""
-    columns = [_text_column(table, i) for i in members]
-    lines = ["  ".join(cells) for cells in zip(*columns, strict=True)]
-    group = table.columns[members[0]].group
-    if not any(column.group for column in table.columns):
-        return lines
-    width = max(len(group), len(lines[0]))
-    return [group.center(width), *(line.rjust(width) for line in lines)]
-
-
-def _text_column(table: ReportTable, i: int) -> list[str]:
-    """The lines of a column: its heading, as high as the highest one, a rule, and the cells."""
-    heads = [column.heading.split("\n") for column in table.columns]
-    cells = [table.columns[i].shown(row[i]) for row in table.rows]
-    head = [*[""] * (max(map(len, heads)) - len(heads[i])), *heads[i]]
-    width = max(map(len, [*head, *cells]))
-    lines = [*head, "-" * width, *cells]
-    return [line.rjust(width) for line in lines] if _is_numeric(table, i) else [line.ljust(width) for line in lines]
 
 
 def to_html(table: ReportTable) -> str:
