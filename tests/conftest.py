@@ -47,7 +47,7 @@ from fixtures.model_recordings import (  # noqa: F401, fixtures of several packa
     worn_log,
 )
 from fixtures.once import SHARED, fits_once
-from fixtures.pages import blank, blank_figures, loads_nothing, undrawn, undriven  # noqa: F401, fixtures of several packages
+from fixtures.pages import blank, blank_figures, loads_nothing  # noqa: F401, fixtures of several packages
 from fixtures.short_fit import fitted  # noqa: F401, a fixture of several packages
 
 HERE = Path(__file__).resolve().parent
@@ -108,13 +108,13 @@ def pytest_collect_file(file_path: Path) -> Any:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark slow examples in docstrings, which cannot say so themselves, and put long files first.
 
-    Examples give no work to other processes, leave figures empty, drive no manoeuvre, and share their fits.
+    Examples give no work to other processes, leave figures empty, and share their fits.
     """
     long = tuple(f"tests/{file}.py" for file in LONG)
     items.sort(key=lambda item: not item.nodeid.startswith(long))
     for item in items:
         if isinstance(item, pytest.DoctestItem):
-            for light in (blank_figures(), undriven(), without_workers(), fits_once()):
+            for light in (blank_figures(), without_workers(), fits_once()):
                 item.runtest = light(item.runtest)  # type: ignore[method-assign]
             if item.name.rpartition(".")[2] in SLOW_EXAMPLES:
                 item.add_marker(pytest.mark.slow)

@@ -113,7 +113,7 @@ def test_the_page_of_the_fleet_leads_to_those_of_its_vehicles_and_back(tracked):
     assert "there is no calibration of type …" in page
 
 
-def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(undrawn, folder, observed):
+def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(blank, folder, observed):
     out = folder / "killed"
     command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "observe")]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -126,7 +126,7 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(undrawn, fold
     assert content(out) == content(observed)
 
 
-def test_what_is_done_is_not_done_again_and_what_has_changed_is(undrawn, folder, tracked, capsys):
+def test_what_is_done_is_not_done_again_and_what_has_changed_is(blank, folder, tracked, capsys):
     options = ("--verb", "track", "--limit", "0.2", "--json")
     before, pages = content(tracked), tracked / "vehicles"
     made = {name: (pages / name).stat().st_mtime_ns for name in ("V1.html", "V2.html")}

@@ -25,7 +25,7 @@ def html_of(fit):
 
 
 @pytest.mark.slow
-def test_the_page_has_date_trust_and_hash_of_the_calibration(undrawn, fitted):
+def test_the_page_has_date_trust_and_hash_of_the_calibration(blank, fitted):
     html = page_of(document_of(with_baseline(fitted), "clutchid fit"))
     for part in ("CAL.toml (2026-11-22, trust good)", "<dt>SHA-256 of CAL.toml</dt>", ORIGIN.sha256):
         assert part in html
@@ -102,7 +102,7 @@ def test_without_a_calibration_there_is_no_section(fitted):
 
 
 @pytest.mark.slow
-def test_foreign_names_do_nothing_on_the_page(undrawn, fitted, loads_nothing):
+def test_foreign_names_do_nothing_on_the_page(blank, fitted, loads_nothing):
     change = Change(HOSTILE, "C_vs", 1.0, 2.0, 0.1, HOSTILE, 0.9, HOSTILE)
     calibrated = replace(with_baseline(fitted, origin=Origin(*[HOSTILE] * 4), converged=False), changes=(change,))
     html = page_of(document_of(replace(calibrated, readings={HOSTILE: calibrated}), "clutchid fit"))

@@ -1,6 +1,8 @@
 """Blocks and figures of a diagnosis."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,8 @@ from clutchid.documents.document import Bullets, Details, Text
 from clutchid.estimation.assess.evidence import diagnosed, evidence
 from clutchid.estimation.assess.verdict import Verdict
 from fixtures.baselines import reaching
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -78,16 +82,16 @@ def test_residuals_that_look_like_noise_need_no_words(diagnosis, fitted):
     assert "of pressure" not in residual_blocks(fitted, calm)[0].caption
 
 
-def test_what_is_missing_comes_with_a_manoeuvre(fitted):
+def test_what_is_missing_comes_with_the_page_of_its_manoeuvre(fitted):
     low = reaching(fitted, 0.5)
     blocks = information_blocks(low, evidence(low))
     assert isinstance(blocks[0], Bullets)
     assert any("reach" in item for item in blocks[0].items)
-    assert blocks[1].text.startswith("Recommended recording: ")
-    assert "for 10 s" in blocks[1].text or "of 10 s" in blocks[1].html
+    page, heading = re.fullmatch(r'What to drive for it: (\S+), "(.+)"\.', blocks[1].text).groups()
+    assert f"\n## {heading}\n" in (ROOT / page).read_text(encoding="utf-8")
 
 
-def test_nothing_missing_is_said_and_no_manoeuvre_is_looked_for(fitted):
+def test_nothing_missing_is_said_and_no_page_is_named(fitted):
     basis = replace(evidence(fitted), missing=())
     said = "The excitation is sufficient: reach, directions and vented rests."
     assert information_blocks(fitted, basis) == [Text(said)]

@@ -75,7 +75,7 @@ def test_fixed_parameters_stand_on_the_page_and_free_ones_are_not_called_fixed(h
     assert "theta" not in fixed
 
 
-def test_warnings_and_what_the_data_determine_are_shown_in_words(undrawn, fitted):
+def test_warnings_and_what_the_data_determine_are_shown_in_words(blank, fitted):
     noted = replace(
         fitted, status="warning", warnings=("mind < this",), notes=("determined by the data: C_vs < C_ve.",)
     )
@@ -84,7 +84,7 @@ def test_warnings_and_what_the_data_determine_are_shown_in_words(undrawn, fitted
     assert "<li>Determined by the data: C_vs &lt; C_ve.</li>" in html
 
 
-def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fitted):
+def test_the_peak_is_looked_for_only_where_the_recordings_have_been(blank, fitted):
     curve = fitted.load_curve
     growing = LoadCurve(curve.position, curve.position * 2e5, curve.low, curve.high)
     html = page_of(document_of(replace(fitted, load_curve=growing), COMMAND))
@@ -93,7 +93,7 @@ def test_the_peak_is_looked_for_only_where_the_recordings_have_been(undrawn, fit
     assert f" N at {at:.1f} mm of the recorded" in flat(html)
 
 
-def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(undrawn, fitted):
+def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples_is_drawn(blank, fitted):
     curve, recording = fitted.load_curve, fitted.recordings["first"]
     unknown = LoadCurve(curve.position, curve.force, np.full(101, -np.inf), np.full(101, np.inf))
     position = recording.measured["position"].copy()
@@ -116,13 +116,13 @@ def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
     assert loads_nothing(html)
 
 
-def test_the_verdict_stands_above_everything_else(undrawn, fitted, html):
+def test_the_verdict_stands_above_everything_else(blank, fitted, html):
     assert html.index(">trust<") < html.index("converged") < html.index("<img ")
     bad = page_of(document_of(replace(fitted, converged=False), COMMAND))
     assert "<p>the search did not converge; continue from its result, or free fewer parameters.</p>" in bad
 
 
-def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn, fitted, monkeypatch):
+def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(blank, fitted, monkeypatch):
     module, drawn = sys.modules["clutchid.documents.fit_sections"], {}
     plain = module.recording_figure
 
@@ -137,7 +137,7 @@ def test_by_shooting_a_verified_recording_is_drawn_as_its_sensors_see_it(undrawn
         assert difference == pytest.approx(np.full(difference.size, 1e-4))
 
 
-def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(undrawn, fitted, html):
+def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(blank, fitted, html):
     recording = fitted.recordings["first"]
     names = [f"log{i}" for i in range(MAX_DRAWN + 3)]
     late = replace(recording, measured=recording.measured.with_columns(position=recording.measured["position"] + 2e-3))
@@ -162,7 +162,7 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
     assert len(html) < 3e6
 
 
-def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn, fitted):
+def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(blank, fitted):
     html = page_of(document_of(replace(reaching(fitted, 0.3), verification={}), COMMAND))
     assert html.partition("<table>")[2].partition("</table>")[0].count(">-<") == 4
 
@@ -174,7 +174,7 @@ def test_a_load_beyond_the_reach_where_the_clutch_engages_is_not_stated(undrawn,
         ("prediction-error", ("fitted by prediction error", "one-sample prediction errors")),
     ],
 )
-def test_the_page_says_what_the_errors_of_a_method_are(undrawn, fitted, method, words):
+def test_the_page_says_what_the_errors_of_a_method_are(blank, fitted, method, words):
     html = page_of(document_of(replace(fitted, method=method), COMMAND))
     assert all(text in html for text in (*words, "Limits of the verdict"))
 
@@ -207,14 +207,14 @@ def test_the_interval_of_what_was_not_recorded_is_the_assumed_one(fitted):
     assert parameter_table(fitted).note == ""
 
 
-def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(undrawn, fitted):
+def test_a_search_that_converged_with_warnings_is_not_in_a_box_of_warnings(blank, fitted):
     warned = document_of(replace(fitted, status="warning", warnings=("2 s are missing",)))
     assert [(notice.text, notice.level) for notice in warned.notices] == [("2 s are missing", "with care")]
     assert 'notice with-care">2 s are missing' in page_of(warned)
     assert document_of(fitted).notices == ()
 
 
-def test_the_page_has_the_next_step_and_what_is_assumed(undrawn, fitted):
+def test_the_page_has_the_next_step_and_what_is_assumed(blank, fitted):
     asked = FitCommand(verb="estimate", logs=(Path("worn.csv"),), start=Path("CAL.toml"), report=Path("worn.html"))
     html = flat(page_of(document_with_next_step(reading(fitted), asked)))
     assert f"next keep the result: clutchid {' '.join(asked.words)} --save worn.toml" in html

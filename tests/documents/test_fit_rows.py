@@ -62,7 +62,7 @@ def test_the_load_has_its_peak_half_and_a_table_of_the_positions_where_the_clutc
 
 
 @pytest.mark.slow
-def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is_worth(undrawn, fitted):
+def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is_worth(blank, fitted):
     assumed = (Assumption("P_S", ("first",), 8.9e5, 0.54e5, False), Assumption("T_0", ("first",), 293.15, 13.6, True))
     fit = replace(with_baseline(fitted), assumed=assumed, load_per_supply=0.73)
     supply, air = rows_of(fit, "assumed")

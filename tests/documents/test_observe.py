@@ -47,7 +47,7 @@ def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_not
     assert loads_nothing(html)
 
 
-def test_without_strokes_pressure_and_adaptation_the_page_says_so(undrawn, plant, log):
+def test_without_strokes_pressure_and_adaptation_the_page_says_so(blank, plant, log):
     short = observe_recording(observer(plant, "states"), log.slice(0, 40).without("pressure_a"))
     html = page_of(document_of(Observation(short, Origin()), "c"))
     assert "No stroke ended in the recording." in html
@@ -91,7 +91,7 @@ def test_a_hole_in_time_is_a_gap_also_in_a_decimated_curve():
 
 
 @pytest.mark.slow
-def test_faults_are_on_the_page_in_words_with_their_seconds(undrawn, plant, log):
+def test_faults_are_on_the_page_in_words_with_their_seconds(blank, plant, log):
     position = log["position"].copy()
     position[1000:1200] = np.nan
     torn = observe_recording(observer(plant), log.with_columns(position=position))
@@ -127,7 +127,7 @@ def test_the_table_of_parameters_has_their_values_before_and_after(run, plant):
     assert "meaning" not in [column.name for column in weights.columns]
 
 
-def test_a_name_from_a_file_is_escaped(undrawn, plant, log):
+def test_a_name_from_a_file_is_escaped(blank, plant, log):
     hostile = Log(log.time[:100], {name: values[:100] for name, values in log.columns.items()}, "<script>x</script>")
     html = page_of(document_of(Observation(observe_recording(observer(plant), hostile), ORIGIN), "c"))
     assert "<script>x" not in html

@@ -20,7 +20,7 @@ from clutchid.verbs.commands import FitCommand
 from clutchid.verbs.next_step import next_step
 from fixtures.baselines import calibration_like, two_states, with_baseline
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("blank")
 
 COMMAND = FitCommand(verb="fit", logs=(Path("new.csv"), Path("worn.csv")), start=Path("CAL.toml"))
 

@@ -97,7 +97,7 @@ def test_the_table_of_a_fit_has_a_row_for_every_free_parameter(fitted):
 
 
 @pytest.mark.slow
-def test_the_page_of_a_fit_has_its_verdict_and_says_where_it_comes_from(undrawn, fitted, tmp_path):
+def test_the_page_of_a_fit_has_its_verdict_and_says_where_it_comes_from(blank, fitted, tmp_path):
     fitted.report(tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "Clutch load from short" in html

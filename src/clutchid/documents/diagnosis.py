@@ -11,10 +11,9 @@ from clutchid.documents.document import Block, Bullets, Details, Picture, Text
 from clutchid.documents.figures import label, new_figure, shared_legend
 from clutchid.documents.style import MM, STYLE
 from clutchid.documents.tables import Cell, Column, ReportTable
-from clutchid.errors import ClutchidError
 from clutchid.estimation import Fit
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, remarks
-from clutchid.estimation.assess.evidence import HORIZON, Evidence, shared_information
+from clutchid.estimation.assess.evidence import HORIZON, Evidence
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import INPUTS, FloatArray
 from clutchid.names import capital
@@ -103,27 +102,12 @@ def limit_blocks(judged: Verdict, names: Collection[str] = ()) -> tuple[Block, .
 
 
 def information_blocks(fit: Fit, basis: Evidence) -> list[Block]:
-    """Identifiability, missing excitation, and the recommended recording."""
+    """Identifiability, missing excitation, and where the manoeuvres that add it are listed."""
     sentences = [*fit.notes, *basis.missing]
     blocks: list[Block] = [Bullets(tuple(map(capital_unless_named, sentences)))] if sentences else []
     if not basis.missing:
         return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
-    proposal = _proposal(fit)
-    return [*blocks, Text(f"Recommended recording: {proposal}")] if proposal else blocks
-
-
-def _proposal(fit: Fit) -> str:
-    """The most informative manoeuvre for the load; empty if none can be simulated."""
-    from clutchid.estimation.assess.missing_excitation import best_manoeuvre
-
-    weights = [name for name in fit.parameters if name in fit.actuator.load.names]
-    determined = shared_information(fit)
-    if not weights or determined is None:
-        return ""
-    try:
-        return best_manoeuvre(fit.actuator, weights, determined).message
-    except ClutchidError:
-        return ""
+    return [*blocks, Text('What to drive for it: docs/excitation.md, "What is missing".')]
 
 
 def diagnosis_table(basis: Evidence) -> ReportTable:

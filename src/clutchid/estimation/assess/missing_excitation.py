@@ -1,22 +1,12 @@
-"""Excitation that a recording lacks, and the manoeuvre that is most informative for what is free."""
+"""Excitation that a recording lacks to identify load and parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 
-from clutchid.errors import SolveError
-from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
+from clutchid.inference.uncertainty.gaussian import Information
 from clutchid.inference.uncertainty.identifiability import CORRELATION, correlations, identifiable, in_words
-from clutchid.log import FloatArray, Log, sample_interval
-from clutchid.log.states import MEASURED
 from clutchid.model.actuator import Actuator
-from clutchid.names import check_names
-from clutchid.numerics.least_squares import triangular
-from clutchid.simulation.partition import Partition
-from clutchid.simulation.simulation import Simulation, simulate
 from clutchid.strokes.excitation import SHORTEST_REST, VENTED_POSITION, Excitation
 from clutchid.strokes.stroke import FULL
 from clutchid.strokes.vented_pressure import RECORD_REST, UNSETTLED
@@ -188,129 +178,3 @@ def _never_vents(excitation: Excitation, who: str) -> list[str]:
         f"{who} {'has' if excitation.recordings == 1 else 'have'} no {rest}, so the pressure is unknown without a "
         "sensor; add a rest of one second with the clutch engaged."
     ]
-
-
-#: Interval between resets to the position in samples of 1 ms, so that a wrong model stays close to the recording.
-RESET_SAMPLES = 200
-
-#: Correlation time of the residuals in s: the part between two resets then has the information of two to three samples.
-RESIDUAL_MEMORY = 0.1
-
-#: A recording is useful if it reduces the worst standard error to less than this fraction.
-_USEFUL_REDUCTION = 0.9
-
-_FRACTIONS = ((1 / 2, "half"), (1 / 3, "a third"), (1 / 4, "a quarter"), (1 / 5, "a fifth"), (1 / 10, "a tenth"))
-
-
-class Gain(NamedTuple):
-    """Gain by a manoeuvre: information in nats, and the worst standard error after it over the present one."""
-
-    manoeuvre: str
-    nats: float
-    shrinks_to: float
-
-
-class ManoeuvreProposal(NamedTuple):
-    """The recommendation in words, and the gains of all manoeuvres that can be simulated, the best first."""
-
-    message: str
-    gains: tuple[Gain, ...]
-
-
-def best_manoeuvre(
-    actuator: Actuator, names: Sequence[str], information: Information | None = None, seconds: float = 10.0
-) -> ManoeuvreProposal:
-    r"""The manoeuvre whose position adds most information about `names`.
-
-    .. math:: \max_m \; \tfrac12 \log \det \big(R^T R + R_m^T R_m + I\big)
-
-    Parameters
-    ----------
-    actuator : Actuator
-        The fitted one; any variant and basis.
-    names : names
-        Free parameters and load weights.
-    information : Information, optional
-        Present information; parameters other than `names` are marginalised.
-    seconds : s
-        Length of each manoeuvre.
-
-    Returns
-    -------
-    proposal : ManoeuvreProposal
-
-    Raises
-    ------
-    ParameterError
-        For an unknown name, or an impossible length.
-    SolveError
-        If no manoeuvre can be simulated.
-
-    Notes
-    -----
-    I is a weak prior of one natural size of each parameter, which limits the weight of directions that no
-    manoeuvre determines. Residuals are modelled as a first-order autoregression that restarts at each reset, and
-    sensitivities are whitened with it.
-
-    Examples
-    --------
-    >>> proposal = best_manoeuvre(Actuator(), ("theta_1", "theta_3"), seconds=5.0)
-    >>> proposal.gains[0].nats >= proposal.gains[-1].nats > 0.0
-    True
-    """
-    from clutchid.truck import MANOEUVRES, Truck, drive
-
-    check_names(names, actuator.names)
-    sizes, prior = natural_sizes(actuator, names), Information(tuple(names), np.eye(len(names)))
-    present = prior if information is None else prior.plus(information.marginal(names).R)
-    now = present.standard_errors()
-    worst = int(np.argmax(now))
-    gains, failures = [], []
-    for manoeuvre in MANOEUVRES:
-        log = drive(Truck(), manoeuvre=manoeuvre, seconds=seconds, name=manoeuvre).log
-        every = Partition(every=RESET_SAMPLES)
-        simulation = simulate(
-            actuator, log, partition=every, sensitivities=tuple(names), force=True, on_failure="return"
-        )
-        if simulation.status == "failed":
-            failures.append(f"'{manoeuvre}' is left out: {simulation.message}")
-            continue
-        after = present.plus(_whitened(simulation, sizes))
-        gains.append(Gain(manoeuvre, after.nats() - present.nats(), float(after.standard_errors()[worst] / now[worst])))
-    if not gains:
-        raise SolveError("no manoeuvre can be simulated with this actuator. " + " ".join(failures))
-    gains.sort(key=lambda gain: -gain.nats)
-    return ManoeuvreProposal(_message(gains, names[worst], seconds, information is not None), tuple(gains))
-
-
-def _whitened(simulation: Simulation, sizes: FloatArray) -> FloatArray:
-    """Triangular factor of the whitened sensitivities of the position, in natural sizes."""
-    log: Log = simulation.log
-    rho = np.exp(-sample_interval(log.time) / RESIDUAL_MEMORY)
-    begins = np.zeros(len(log), dtype=bool)
-    begins[[0, *Partition(every=RESET_SAMPLES).resets(len(log))]] = True
-    J = np.column_stack([s[:, 0] for s in simulation.sensitivities.values()]) * sizes / MEASURED["position"].first_scale
-    white = np.empty_like(J)
-    white[1:] = (J[1:] - rho * J[:-1]) / np.sqrt(1 - rho**2)
-    white[begins] = J[begins]
-    return triangular(white[np.all(np.isfinite(white), axis=1)])
-
-
-def _message(gains: Sequence[Gain], worst: str, seconds: float, measured: bool) -> str:
-    best = gains[0]
-    drive = f"drive '{best.manoeuvre}' for {seconds:g} s"
-    if not measured:
-        over = f", {best.nats - gains[-1].nats:.1f} nats more than '{gains[-1].manoeuvre}'" if len(gains) > 1 else ""
-        return f"{drive}: the most informative of {len(gains)} manoeuvres{over}."
-    if best.shrinks_to > _USEFUL_REDUCTION:
-        return (
-            f"no manoeuvre of {seconds:g} s determines {worst}: with the best, '{best.manoeuvre}', its standard error "
-            f"is still {100 * best.shrinks_to:.0f} % of the present one."
-        )
-    return f"{drive}: the standard error of {worst} shrinks to {_fraction(best.shrinks_to)}."
-
-
-def _fraction(part: float) -> str:
-    """A fraction in words if a simple one is within a tenth of it, else in %."""
-    near = [word for value, word in _FRACTIONS if abs(part / value - 1) <= 0.1]
-    return near[0] if near else f"{100 * part:.0f} %" if part >= 0.01 else "less than 1 %"

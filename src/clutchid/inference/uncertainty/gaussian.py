@@ -64,12 +64,12 @@ def square_root(covariance: FloatArray) -> FloatArray:
 
 
 #: Natural size of a load weight by its unit.
-WEIGHT_SIZES = {"N/m": 1e5, "N": 1e3}
+_WEIGHT_SIZES = {"N/m": 1e5, "N": 1e3}
 
 
 def natural_sizes(actuator: Actuator, names: Sequence[str]) -> FloatArray:
     """Sizes in SI that make parameters of order one: those of load weights, and the values of all others."""
-    weight = WEIGHT_SIZES[actuator.load.unit]
+    weight = _WEIGHT_SIZES[actuator.load.unit]
     return np.array([weight if n in actuator.load.names else abs(actuator.value(n)) or 1.0 for n in names])
 
 
@@ -112,36 +112,6 @@ class Information:
     def columns(self, names: Sequence[str]) -> FloatArray:
         """Columns of R."""
         return self.R[:, [self.names.index(name) for name in names]]
-
-    def marginal(self, names: Sequence[str]) -> Information:
-        """Information about `names` if all others are unknown.
-
-        What remains of the columns of `names` is orthogonal to all columns of the others, also if those are dependent.
-        """
-        columns, others = self.columns(names), self.columns([name for name in self.names if name not in names])
-        U, s, _ = np.linalg.svd(others, full_matrices=False)
-        Q = U[:, s > max(others.shape) * np.finfo(float).eps * s.max(initial=0.0)]
-        return Information(tuple(names), triangular(columns - Q @ (Q.T @ columns)))
-
-    def plus(self, rows: FloatArray) -> Information:
-        """With the information of further residuals, `rows` (m, k)."""
-        return Information(self.names, triangular(np.vstack([self.R, rows])))
-
-    def standard_errors(self) -> FloatArray:
-        """Standard errors in natural sizes, shape (k,).
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If a parameter is not determined.
-        """
-        inverse = np.linalg.inv(triangular(self.R))
-        result: FloatArray = np.sqrt(np.sum(inverse**2, axis=1))
-        return result
-
-    def nats(self) -> float:
-        """Half the logarithm of the determinant."""
-        return float(np.sum(np.log(np.abs(np.diag(triangular(self.R))))))
 
 
 def spectrum(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
