@@ -27,7 +27,7 @@ from clutchid.log import FloatArray, Log
 from clutchid.model.compiled import kernels
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import ObservedRecording, observe, observe_recording, observer, start
-from clutchid.study.paper.pressure import measured_motion
+from clutchid.study.pressure import measured_motion
 from clutchid.truck import drive, truck
 
 SECONDS = 30.0

@@ -20,7 +20,7 @@ import numpy as np
 
 import clutchid
 
-EXAMPLE = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
+EXAMPLE = Path(clutchid.__file__).parent / "study/data/truck1_calibration.csv"
 IMPORTS = [sys.executable, "-c", "import scipy.optimize, numba"]
 
 

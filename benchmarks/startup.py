@@ -24,7 +24,7 @@ from numba.core import event
 
 import clutchid
 
-_RECORDING = str(Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv")
+_RECORDING = str(Path(clutchid.__file__).parent / "study/data/truck1_calibration.csv")
 
 #: Commands, that whose cache they find at first, and what more than warm the first may take in s.
 COMMANDS: dict[str, tuple[tuple[str, ...], str, float]] = {

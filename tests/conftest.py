@@ -86,12 +86,12 @@ LONG = (
     "docs/test_site", "docs/test_console_blocks", "app/test_jobs", "house/test_python_page",
     "oracles/test_finite_differences", "golden/test_golden_results", "test_systems", "fleets/test_cluster",
     "cli/test_fleet_command", "documents/test_fit", "cli/test_track_command",
-    "cli/test_fit_output", "study/paper/test_paper_study", "cli/test_commands", "rig/test_lugre", "docs/test_gallery",
+    "cli/test_fit_output", "study/test_paper_study", "cli/test_commands", "rig/test_lugre", "docs/test_gallery",
     "house/test_new_parameter",
 )  # fmt: skip
 
 #: Folders whose files share what takes long: a worker has all of one.
-TOGETHER = ("tests/study/paper/",)
+TOGETHER = ("tests/study/",)
 
 #: Public names whose examples in the docstring take longer than 0.6 s.
 SLOW_EXAMPLES = {"calibrate", "export", "fleet", "report", "track"}

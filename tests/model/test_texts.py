@@ -14,7 +14,7 @@ from clutchid.model import compiled
 from clutchid.model.variants import VARIANTS
 from fixtures.commands import keep_machine_code
 
-RECORDING = Path(clutchid.__file__).parent / "study/paper/data/truck1_calibration.csv"
+RECORDING = Path(clutchid.__file__).parent / "study/data/truck1_calibration.csv"
 
 FIT = """
 import sys

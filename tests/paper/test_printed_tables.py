@@ -2,7 +2,7 @@
 
 import pytest
 
-from clutchid.study.paper.tables import PRINTED_SLOPE, TABLE_1, TABLE_2, XI_1, XI_2, XI_3, XI_3_ORDER
+from clutchid.study.tables import PRINTED_SLOPE, TABLE_1, TABLE_2, XI_1, XI_2, XI_3, XI_3_ORDER
 
 #: Table 1: N, then theta_1, theta_2, theta_3, in 1e5 N/m.
 PAGE_1 = """

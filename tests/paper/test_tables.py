@@ -9,7 +9,7 @@ from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_pressure
 from clutchid.parameters import Parameters
-from clutchid.study.paper.tables import TABLE_1
+from clutchid.study.tables import TABLE_1
 
 Y = np.linspace(0, 25e-3, 2501)
 

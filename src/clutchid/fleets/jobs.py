@@ -243,7 +243,7 @@ def read_all(
 
 
 #: The bundled recording.
-_BUNDLED = files("clutchid.study.paper") / "data" / "truck1_calibration.csv"
+_BUNDLED = files("clutchid.study") / "data" / "truck1_calibration.csv"
 
 #: Time in s that a compilation may take on a slow machine: workers with less for a recording would be ended in it.
 COMPILATION = 300.0

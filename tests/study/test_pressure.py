@@ -7,7 +7,7 @@ from clutchid.estimation.result import Recording, errors_over
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.static import static_load, static_pressure
-from clutchid.study.paper.pressure import measured_motion, pressures, static_estimate
+from clutchid.study.pressure import measured_motion, pressures, static_estimate
 
 pytestmark = pytest.mark.slow
 

@@ -12,10 +12,10 @@ from clutchid.documents.html import page_of
 from clutchid.documents.tables import ReportTable, to_csv
 from clutchid.files import check_writable, make_folder, not_an_address, write_bytes
 from clutchid.log import Log
-from clutchid.study.paper.figures import FIGURES
-from clutchid.study.paper.page import study_page
-from clutchid.study.paper.results import Case, StudyProgress, find
-from clutchid.study.paper.tables import TABLES
+from clutchid.study.figures import FIGURES
+from clutchid.study.page import study_page
+from clutchid.study.results import Case, StudyProgress, find
+from clutchid.study.tables import TABLES
 from clutchid.systems import command_line
 
 

@@ -10,11 +10,11 @@ from clutchid.documents.tables import to_csv
 from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.study import halves, paper_study
-from clutchid.study.paper import study as paper
-from clutchid.study.paper.figures import FIGURES, figure_5
-from clutchid.study.paper.recording import true_load
-from clutchid.study.paper.results import StudyResults
-from clutchid.study.paper.tables import TABLES, equation_21
+from clutchid.study import output as paper
+from clutchid.study.figures import FIGURES, figure_5
+from clutchid.study.recording import true_load
+from clutchid.study.results import StudyResults
+from clutchid.study.tables import TABLES, equation_21
 from fixtures.figures import legends_on_the_engaging_range
 
 pytestmark = pytest.mark.slow

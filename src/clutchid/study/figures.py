@@ -11,10 +11,10 @@ from clutchid.documents.figures import draw, label, legend, mark_span, new_figur
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
-from clutchid.study.paper.pressure import Pressures, measured_motion, static_estimate
-from clutchid.study.paper.recording import TrueLoad
-from clutchid.study.paper.results import Case, PaperMethod, StudyResults, chosen
-from clutchid.study.paper.tables import PRINTED_SLOPE, TABLE_1
+from clutchid.study.pressure import Pressures, measured_motion, static_estimate
+from clutchid.study.recording import TrueLoad
+from clutchid.study.results import Case, PaperMethod, StudyResults, chosen
+from clutchid.study.tables import PRINTED_SLOPE, TABLE_1
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

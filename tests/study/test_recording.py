@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.log import Log
 from clutchid.study import bundled_recording, halves
-from clutchid.study.paper.recording import REST_RANGE, true_load
+from clutchid.study.recording import REST_RANGE, true_load
 
 
 def test_the_bundled_recording_is_30_s_at_1_khz_with_pressure(logs):
@@ -19,7 +19,7 @@ def test_the_bundled_recording_is_30_s_at_1_khz_with_pressure(logs):
 
 def test_the_bundled_recording_and_its_truth_are_those_of_truck_1(shared, source):
     folder = shared / "data" / "trucks" / "truck1"
-    mine = source / "study/paper/data"
+    mine = source / "study/data"
     assert (mine / "truck1_calibration.csv").read_bytes() == (folder / "calibration.csv").read_bytes()
     assert json.loads((mine / "truck1_truth.json").read_text()) == json.loads((folder / "truth.json").read_text())
 

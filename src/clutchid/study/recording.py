@@ -12,7 +12,7 @@ from clutchid.log import FloatArray, Log, sample_interval
 from clutchid.measurements import read
 
 #: Folder of the bundled recording and its truth.
-_DATA = files("clutchid.study.paper") / "data"
+_DATA = files("clutchid.study") / "data"
 
 #: Metadata key with the name of the file of the true load.
 _TRUTH = "true_load"

@@ -13,8 +13,8 @@ from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.log import Log
-from clutchid.study.paper.figures import CLOSE, SLOW_SPEED
-from clutchid.study.paper.results import (
+from clutchid.study.figures import CLOSE, SLOW_SPEED
+from clutchid.study.results import (
     Carry,
     Interpretation,
     PaperMethod,
@@ -23,7 +23,7 @@ from clutchid.study.paper.results import (
     load_error,
     table_rows,
 )
-from clutchid.study.paper.tables import TABLE_2
+from clutchid.study.tables import TABLE_2
 
 _BALLISTIC, _PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
 
@@ -83,7 +83,7 @@ def study_page(
 
 @cache
 def _template() -> Any:
-    environment = html_templates("clutchid.study.paper")
+    environment = html_templates("clutchid.study")
     environment.filters |= {"mm": millimetres, "bar": bars}
     return environment.get_template("prose.html.j2")
 

@@ -1,1 +1,0 @@
-"""The paper's study, Section 3: tables, figures and a page from one recording fitted and one verified."""
