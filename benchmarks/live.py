@@ -6,8 +6,6 @@ parsing or decoding, sorting, the observer, and writing the files. The real-time
 takes more than a short one; the start is the rest. On the bus the sender works in the same process and counts too;
 what it takes for itself is shown apart. Memory is that of the process after a tenth of a long stream, and before its
 end; the bus sends that one 20 times as fast as in reality.
-
-``--show`` is the demonstration instead: the truck sends on a virtual bus in real time, with a view on the terminal.
 """
 
 from __future__ import annotations
@@ -287,7 +285,7 @@ def _bus_process(folder: Path, log: Mapping[str, FloatArray], seconds: int, answ
 
 
 def _send(
-    log: Log | Mapping[str, FloatArray],
+    log: Mapping[str, FloatArray],
     seconds: int,
     took: list[float],
     pace: float,
@@ -311,13 +309,6 @@ def _send(
                 time.sleep(ahead)
     took.append(time.thread_time() - begin)
     os.kill(os.getpid(), signal.SIGTERM)
-
-
-def show(folder: Path, log: Log, seconds: int) -> None:
-    """A virtual truck on a virtual bus in real time, with the view."""
-    os.chdir(folder)
-    threading.Thread(target=_send, args=(log, seconds, [], 1.0)).start()
-    clutchid(["observe", *BUS, *OBSERVE, "--view"])
 
 
 def faults(folder: Path, log: Log, options: argparse.Namespace) -> None:
@@ -351,7 +342,7 @@ def row(name: str, follow: Callable[[int], Run], repeats: int, hours: float) -> 
 
 
 def main() -> None:
-    """Print the table, or show the demonstration."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--hours", type=float, default=1.0, help="length of the stream whose memory is shown")
@@ -362,7 +353,6 @@ def main() -> None:
     parser.add_argument("--kind", default="", help="only the faults with this text in their name")
     parser.add_argument("--fast", action="store_true", help="only a stream of CSV of --hours at full speed")
     parser.add_argument("--latency", type=int, metavar="SECONDS", default=0, help="the age of published samples")
-    parser.add_argument("--show", type=int, metavar="SECONDS", default=0, help="the demonstration, for as many seconds")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -376,8 +366,6 @@ def main() -> None:
         if options.latency:
             print(*text_table(latency(folder, log, options.latency), 1), sep="\n")
             return
-        if options.show:
-            show(folder, log, options.show)
         paths: dict[str, Callable[[int], Run]] = {
             "CSV": lambda seconds: piped(folder, csv_lines(log, seconds), seconds),
             "JSON lines": lambda seconds: piped(folder, json_lines(log, seconds), seconds),

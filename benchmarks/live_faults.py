@@ -127,9 +127,9 @@ class Session:
             streams["stdout"] = slave
             if kind.output == "both":
                 streams["stderr"] = slave
-        elif kind.output in ("view", "terminal"):
+        elif kind.output == "terminal":
             self.master, slave = pty.openpty()
-            streams["stderr" if kind.output == "view" else "stdout"] = slave
+            streams["stdout"] = slave
             self.deaf = self.draw.random() < 0.5  # nohup
             begin = partial(_take_terminal, slave, self.deaf)
         process = subprocess.Popen(
@@ -145,7 +145,7 @@ class Session:
         return process
 
     def _listen(self) -> None:
-        """Read what the process publishes, or shows, until the fault."""
+        """Read what the process publishes until the fault."""
         with suppress(OSError):
             while not self.stalled.is_set():
                 part = os.read(self.master, 1 << 12)
@@ -228,12 +228,11 @@ class Session:
     def errors(self) -> str:
         """What it said on standard error."""
         text = (self.place / "errors.txt").read_text(errors="replace")
-        return text + (self.heard.decode(errors="replace") if self.kind.output in ("view", "both") else "")
+        return text + (self.heard.decode(errors="replace") if self.kind.output == "both" else "")
 
 
 def _take_terminal(slave: int, deaf: bool) -> None:
     fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 100, 0, 0))
     if deaf:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
@@ -352,9 +351,7 @@ KINDS: dict[str, Kind] = {
     ),
     "folder removed": Kind(_remove, codes=(1,)),
     "folder write-protected": Kind(_protect, codes=(1,), unprivileged=True),
-    "terminal hangs up, --view": Kind(_hang_up, options=("--view",), output="view"),
     "terminal hangs up, --publish -": Kind(_hang_up, options=("--publish", "-"), output="terminal"),
-    "terminal stopped, --view": Kind(_stall, options=("--view",), output="view"),
     "--follow, SIGTERM": Kind(_signal(signal.SIGTERM), goes_on=False, follow=True),
     "--follow, SIGKILL": Kind(
         _signal(signal.SIGKILL), goes_on=False, codes=(-signal.SIGKILL,), hasty=True, killed=True, follow=True

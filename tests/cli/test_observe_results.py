@@ -1,16 +1,14 @@
-"""What a live recording gives while it goes on: a growing file, published lines, and a view on the terminal."""
+"""What a live recording gives while it goes on: a growing file, and published lines."""
 
 import fcntl
 import io
 import json
 import os
 import pty
-import re
 import signal
 import sys
 import termios
 import time
-from contextlib import suppress
 
 import numpy as np
 import polars as pl
@@ -195,57 +193,6 @@ def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_p
     same()
 
 
-def test_a_view_on_a_terminal_shows_load_pressure_and_flags(observe, folder, same, tmp_path, monkeypatch, piped):
-    leader, follower = pty.openpty()
-    shown = []
-
-    def read():
-        with suppress(OSError):  # the other end was closed
-            while part := os.read(leader, 1 << 16):
-                shown.append(part)
-
-    monkeypatch.setenv("COLUMNS", "70")
-    monkeypatch.setenv("TERM", "xterm")
-    with meanwhile(read), os.fdopen(follower, "w") as stream:
-        monkeypatch.setattr("sys.stderr", stream)
-        code, said, _ = observe("-", "--view")
-    os.close(leader)
-    assert code == 0
-    assert said.startswith("observed stdin: ")
-    text = b"".join(shown).decode()
-    for words in (
-        "stdin  6.00 s  position",
-        "pressure [###",
-        "* load (. 95 % band)  o as calibrated; at 12.5",
-        "no flags",
-    ):
-        assert words in text
-    plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", text)
-    assert max(map(len, plain.splitlines())) <= 70
-
-
-@pytest.mark.parametrize("hangs_up", [True, False])
-def test_a_terminal_of_the_view_that_hangs_up_or_is_stopped_holds_nothing_up(
-    observe, folder, same, tmp_path, monkeypatch, piped, hangs_up
-):
-    monkeypatch.setattr("clutchid.verbs.service.sinks.FRAME", 0.0)
-    leader, follower = pty.openpty()
-    if hangs_up:
-        os.close(leader)
-    monkeypatch.setattr(os, "isatty", lambda _descriptor: True)
-    begin = time.monotonic()
-    with os.fdopen(follower, "w") as stream:
-        monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
-        monkeypatch.setattr("sys.stderr", stream)
-        code, said, _ = observe("-", "--view", "--save", "state.toml")
-        if not hangs_up:
-            os.close(leader)
-    assert code == 0
-    assert time.monotonic() - begin < 30.0
-    assert said.startswith("observed stdin: ")
-    same()
-
-
 @pytest.mark.slow
 def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped
@@ -268,17 +215,10 @@ def test_a_bus_that_cannot_be_opened_leaves_no_file(observe, folder, same, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_view_is_nothing_where_there_is_no_terminal(observe, folder, same, tmp_path, piped):
-    code, _, errors = observe("-", "--view")
-    assert (code, errors) == (0, "")
-    same()
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["worn.csv", "--publish", "-"], "is for a live recording; give -, can:CHANNEL, or --follow worn.csv"),
-        (["worn.csv", "--view"], "--view: is for a live recording"),
         (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),
         (["-", "--publish", "-", "--json"], "leave one of them out"),
         (["-", "--publish", "-", "--publish-every", "-1"], "--publish-every -1: a time in ms is at least 0"),

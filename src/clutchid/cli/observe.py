@@ -73,8 +73,6 @@ class ObserveOptions:
         `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
     publish_every
         Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
-    view
-        Show load curve, pressure and flags of a live recording on standard error, if that is a terminal.
     force
         Observe although a check of the recording is bad; the checks are those of `clutchid look`.
     json
@@ -95,7 +93,6 @@ class ObserveOptions:
     follow: Flag = False
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
     publish_every: Annotated[float | None, OUTPUT] = None
-    view: OutputFlag = False
     force: ForceFlag = False
     json: OutputFlag = False
     debug: OutputFlag = False
@@ -105,7 +102,7 @@ class ObserveOptions:
         """The files that are written, and where results are published."""
         return Outputs(
             out=self.out, save=self.save, report=self.report, publish=self.publish, every=self.publish_every,
-            view=self.view, command=typed(sys.argv[1:]),
+            command=typed(sys.argv[1:]),
         )  # fmt: skip
 
 

@@ -43,8 +43,6 @@ class Outputs:
         `-` or ``can:CHANNEL``.
     every : ms
         Time from one published sample to the next.
-    view
-        Whether a view is drawn on standard error.
     command
         Command of the page.
     """
@@ -54,7 +52,6 @@ class Outputs:
     report: Path | None = None
     publish: str | None = None
     every: float | None = None
-    view: bool = False
     command: str = ""
 
     @property
@@ -88,9 +85,10 @@ class Outputs:
         ExportError, ParameterError
             If they do not, or cannot.
         """
-        if (self.publish is not None or self.view) and not live:
-            option = "--view" if self.publish is None else f"--publish {self.publish}"
-            raise ParameterError(f"{option}: is for a live recording; give -, can:CHANNEL, or --follow {log}.")
+        if self.publish is not None and not live:
+            raise ParameterError(
+                f"--publish {self.publish}: is for a live recording; give -, can:CHANNEL, or --follow {log}."
+            )
         if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
             raise ParameterError(
                 f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."

@@ -1,26 +1,16 @@
-"""Sinks of the results of a live recording, besides files: lines on standard output, frames on a bus, a view."""
+"""Sinks of the results of a live recording, besides files: lines on standard output, frames on a bus."""
 
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.documents.console import discard_output
 from clutchid.systems import is_closed_pipe
-from clutchid.verbs.service.streams import (
-    STALL_AGAIN,
-    Collected,
-    Stopped,
-    as_printed,
-    outgoing,
-    say_unhurried,
-    sender_to,
-)
+from clutchid.verbs.service.streams import Stopped, as_printed, outgoing, say_unhurried, sender_to
 
 if TYPE_CHECKING:
     from clutchid.measurements.live.bus_name import BusName
@@ -30,9 +20,6 @@ if TYPE_CHECKING:
 
 #: Takes the recording before a block, after it, and the block.
 Sink = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
-
-#: Time in s from one picture of the view to the next.
-FRAME = 0.25
 
 
 @contextmanager
@@ -45,8 +32,6 @@ def sinks_of(outputs: Outputs, stopped: Stopped) -> Iterator[list[Sink]]:
             sinks.append(stack.enter_context(published_frames(outputs.bus, every, outputs.results_dbc, stopped)))
         elif outputs.publish is not None:
             sinks.append(stack.enter_context(published_lines(every or 0.0, stopped)))
-        if outputs.view:
-            sinks.append(stack.enter_context(view(stopped)))
         yield sinks
 
 
@@ -112,49 +97,3 @@ def published_frames(name: BusName, every: float | None, dbc: Path, stopped: Sto
                     say_unhurried([f"{name}: does not take every frame ({reason}); the recording goes on."])
 
         yield publish
-
-
-@contextmanager
-def view(stopped: Stopped) -> Iterator[Sink]:
-    """A view of load curve, pressure and health on standard error, redrawn a few times a second.
-
-    Does nothing where standard error is no terminal or has been closed; a stopped terminal misses pictures.
-    """
-    if not sys.stderr.isatty():
-        yield lambda _before, _after, _part: None
-        return
-    from rich.console import Console
-    from rich.live import Live
-    from rich.text import Text
-
-    from clutchid.documents.observe_view import observe_view
-
-    shown = -FRAME
-    last: Callable[[], Text] | None = None
-    with outgoing(sys.stderr) as out:
-        open_, deliver = True, as_printed if out is None else sender_to(out, stopped, STALL_AGAIN)
-
-        def send(text: bytes, *, wait: bool) -> bool:
-            nonlocal open_
-            try:
-                return not open_ or deliver(text, wait=wait)
-            except OSError:
-                open_ = False
-                return True
-
-        console = Console(file=Collected(send, True), force_terminal=True)
-        with Live(console=console, auto_refresh=False, redirect_stdout=False) as picture:
-
-            def show(_before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
-                nonlocal shown, last
-                last = partial(drawn, after, part)
-                if open_ and time.monotonic() - shown >= FRAME:
-                    picture.update(last(), refresh=True)
-                    shown = time.monotonic()
-
-            def drawn(after: LiveRun, part: ObservedRecording) -> Text:
-                return Text(observe_view(after, part, picture.console.width))
-
-            yield show
-            if last is not None:
-                picture.update(last(), refresh=True)

@@ -16,7 +16,7 @@ Stopped = Callable[[], bool]
 
 #: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
 #: and where the reader had stalled and takes something again.
-_STALL, _STALL_STOPPED, STALL_AGAIN = 2.0, 0.2, 0.05
+_STALL, _STALL_STOPPED, _STALL_AGAIN = 2.0, 0.2, 0.05
 
 #: Time in s after which a wait asks whether it is stopped.
 _PATIENCE = 0.1
@@ -76,7 +76,7 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
         patience = min(patience, _STALL_STOPPED) if stopped() else patience
         rest = max(since + patience - time.monotonic(), 0.0)
         if out.wait(min(rest, _PATIENCE)):
-            since, patience = time.monotonic(), max(patience, STALL_AGAIN)
+            since, patience = time.monotonic(), max(patience, _STALL_AGAIN)
         elif rest == 0.0:
             break
     return out.left
@@ -124,9 +124,8 @@ def say_unhurried(warnings: Iterable[str]) -> bool:
     A stopped terminal, or a pipe that nobody reads, is given as much time as a stopped publisher.
     """
     text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
-    shown = hasattr(sys.stderr, "rich_proxied_file")  # above the view, which does not block
     with suppress(OSError, ValueError), outgoing(sys.stderr) as out:
-        if out is None or shown:
+        if out is None:
             put(text.removesuffix("\n"), to=sys.stderr)
             return True
         encoding = sys.stderr.encoding or "utf-8"
