@@ -107,12 +107,7 @@ class Session:
         kind = self.kind
         own = "state.toml" if kind.file == "est.csv" else "out/state.toml"
         options = [*CALIBRATION, "--out", f"out/{kind.file}", "--save", own, *kind.options]
-        source = "-"
-        if kind.follow:
-            source, options = "growing.csv", [*options, "--follow"]
-            self.given = 300
-            (self.place / source).write_bytes(b"".join(self.lines[: self.given]))
-        command = [*(HASTY if kind.hasty else COMMAND), "observe", source, *options]
+        command = [*(HASTY if kind.hasty else COMMAND), "observe", "-", *options]
         if kind.unprivileged and os.geteuid() == 0:  # root may write where nobody else may
             command = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", *command]
         errors = (self.place / "errors.txt").open("wb")
@@ -168,12 +163,8 @@ class Session:
 
     def _write(self, text: bytes) -> None:
         assert self.process.stdin
-        if self.kind.follow:
-            with (self.place / "growing.csv").open("ab") as file:
-                file.write(text)
-        else:
-            self.process.stdin.write(text)
-            self.process.stdin.flush()
+        self.process.stdin.write(text)
+        self.process.stdin.flush()
 
     def begun(self) -> None:
         """Wait until the first samples were read."""
@@ -185,10 +176,6 @@ class Session:
 
     def note(self) -> None:
         """Note how many lines have been read by now: those that were given less those in the pipe."""
-        if self.kind.follow:
-            time.sleep(0.2)
-            self.read = self.given
-            return
         assert self.process.stdin
         unread = bytearray(4)
         fcntl.ioctl(self.process.stdin.fileno(), termios.FIONREAD, unread)
@@ -201,8 +188,6 @@ class Session:
 
     def close(self) -> None:
         """End the recording."""
-        if self.kind.follow:
-            self.process.send_signal(signal.SIGTERM)
         if self.process.stdin:
             with suppress(OSError):
                 self.process.stdin.close()
@@ -257,7 +242,6 @@ class Kind(NamedTuple):
     file: str = "est.parquet"
     hasty: bool = False
     real: bool = False
-    follow: bool = False
     unprivileged: bool = False
     disk: bool = False
     killed: bool = False
@@ -306,16 +290,6 @@ def _protect(session: Session) -> None:
     session.out.chmod(0o500)
 
 
-def _shorten(session: Session) -> None:
-    with (session.place / "growing.csv").open("rb+") as file:
-        file.truncate(1000)
-
-
-def _replaced(session: Session) -> None:
-    (session.place / "other.csv").write_bytes(b"".join(session.lines[:50]))
-    (session.place / "other.csv").replace(session.place / "growing.csv")
-
-
 def _jump(draw: random.Random, line: bytes) -> bytes:
     """A stamp far ahead: its point is lost, or a digit is more in front of it."""
     stamp, rest = line.split(b",", 1)
@@ -352,12 +326,6 @@ KINDS: dict[str, Kind] = {
     "folder removed": Kind(_remove, codes=(1,)),
     "folder write-protected": Kind(_protect, codes=(1,), unprivileged=True),
     "terminal hangs up, --publish -": Kind(_hang_up, options=("--publish", "-"), output="terminal"),
-    "--follow, SIGTERM": Kind(_signal(signal.SIGTERM), goes_on=False, follow=True),
-    "--follow, SIGKILL": Kind(
-        _signal(signal.SIGKILL), goes_on=False, codes=(-signal.SIGKILL,), hasty=True, killed=True, follow=True
-    ),
-    "--follow, file cut": Kind(_shorten, goes_on=False, codes=(2,), follow=True),
-    "--follow, file replaced": Kind(_replaced, goes_on=False, codes=(2,), follow=True),
     "bus, SIGTERM": Kind(goes_on=False, bus="SIGTERM"),
     "bus, SIGKILL": Kind(goes_on=False, bus="SIGKILL", codes=(-signal.SIGKILL,), hasty=True, killed=True),
     "bus of results blocks": Kind(bus="block"),
@@ -499,32 +467,14 @@ def _resumed(place: Path, kind: Kind, state: Path, undisturbed: Reference) -> li
     at = 1 + int(np.searchsorted(undisturbed.samples["time [s]"].to_numpy(), latest, side="right"))
     options = [*CALIBRATION, "--out", f"out/{kind.file}", "--save", str(state), "--resume", str(state)]
     rest = b"".join([undisturbed.lines[0], *undisturbed.lines[at:]])
-    if kind.follow:  # the file that it followed is there as a whole
-        (place / "growing.csv").write_bytes(b"".join(undisturbed.lines))
-        process = subprocess.Popen(
-            [*COMMAND, "observe", "growing.csv", "--follow", *options], cwd=place, stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-        _idle(process.pid)
-        process.send_signal(signal.SIGTERM)
-        errors, code = process.communicate(timeout=60)[1], process.returncode
-    else:
-        command = [*COMMAND, "observe", "-", *options]
-        finished = subprocess.run(command, cwd=place, input=rest, capture_output=True, check=False)
-        errors, code = finished.stderr, finished.returncode
-    wrong = [] if code == 0 else [f"resumed with exit code {code}: {' '.join(errors.decode().split())[-300:]}"]
+    command = [*COMMAND, "observe", "-", *options]
+    finished = subprocess.run(command, cwd=place, input=rest, capture_output=True, check=False)
+    code, said = finished.returncode, " ".join(finished.stderr.decode().split())
+    wrong = [] if code == 0 else [f"resumed with exit code {code}: {said[-300:]}"]
     if code == 0 and (place / state).read_text() != undisturbed.state:
         wrong.append("another state at the end")
     hidden = [path.name for path in place.rglob(".*")]
     return [*wrong, *([f"left {hidden} after resuming"] if hidden else [])]
-
-
-def _idle(pid: int) -> None:
-    """Wait until a process that has loaded takes no more processor time: it has read all that there is."""
-    used, before, until = 0.0, -1.0, time.monotonic() + 60.0
-    while (used < 1.0 or used - before > 0.15) and time.monotonic() < until:
-        time.sleep(1.5)
-        before, used = used, sum(psutil.Process(pid).cpu_times()[:2])
 
 
 def _rows(

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import termios
-import threading
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -220,45 +219,6 @@ def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_th
     for name, frame in file.items():
         both = [pl.read_parquet(path) for path in (tmp_path / f"left.{name}", tmp_path / name) if path.exists()]
         assert pl.concat(both).equals(frame, null_equal=True), name
-
-
-@pytest.mark.slow
-def test_a_file_that_grows_is_followed_on_from_a_state_and_another_one_is_refused(observe, lines, same, tmp_path):
-    def follow(text, out, *options):
-        (tmp_path / "log.csv").write_bytes(b"".join(text))
-        over = threading.Event()
-
-        def stop_it():
-            while signal.getsignal(signal.SIGTERM) is signal.SIG_IGN and not over.wait(0.01):
-                pass
-            os.kill(os.getpid(), signal.SIGTERM)
-
-        before = signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        with meanwhile(stop_it):
-            try:
-                code, _, errors = observe("log.csv", "--follow", "--save", "state.toml", *options, out=out)
-            finally:
-                over.set()
-        signal.signal(signal.SIGTERM, before)
-        return code, errors
-
-    assert follow(lines[: CUT + 1], "one.parquet") == (0, "")
-    state = (tmp_path / "state.toml").read_text()
-    code, said = follow(lines[: CUT + 1], "two.parquet", "--resume", "state.toml")
-    assert code == 2
-    assert "log: has no sample behind 2.344 s, where state.toml is" in said
-    shifted = [
-        own.split(b",")[0] + b"," + later.split(b",", 1)[1]
-        for own, later in zip(lines[1:5001], lines[10:5010], strict=True)
-    ]
-    shifted[2340] = shifted[2340].replace(b"2.340,", b"2.3401,")
-    code, said = follow([lines[0], *shifted], "two.parquet", "--resume", "state.toml")
-    assert code == 2
-    assert "log: has other samples up to 2.344 s than the recording that state.toml comes from" in said
-    assert not (tmp_path / "two.parquet").exists()
-    assert (tmp_path / "state.toml").read_text() == state
-    assert follow(lines, "est.parquet", "--resume", "state.toml") == (0, "")
-    same("one", "est")
 
 
 def with_cell(row, column, value):

@@ -1,4 +1,4 @@
-"""What a live recording gives while it goes on: a growing file, and published lines."""
+"""What a live recording gives while it goes on: published lines."""
 
 import fcntl
 import io
@@ -25,38 +25,9 @@ def piped(folder, monkeypatch):
         yield
 
 
-def ready(number, before):
-    """Wait until the command listens to the signal."""
-    while signal.getsignal(number) is before:
-        time.sleep(0.01)
-
-
 def unread(pipe):
     """Bytes that wait in a pipe."""
     return int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_file_that_grows_gives_the_numbers_of_the_whole_file(observe, folder, same, tmp_path, number):
-    text = (folder / "worn.csv").read_bytes()
-    (tmp_path / "worn.csv").write_bytes(text[:50_007])
-    before = signal.getsignal(number)
-
-    def grow():
-        ready(number, before)
-        with (tmp_path / "worn.csv").open("ab") as file:
-            for begin in range(50_007, len(text), 30_011):
-                file.write(text[begin : begin + 30_011])
-                file.flush()
-                time.sleep(0.02)
-        os.kill(os.getpid(), number)
-
-    with meanwhile(grow):
-        code, said, errors = observe("worn.csv", "--follow", "--save", "state.toml")
-    assert (code, errors) == (0, "")
-    assert said.startswith("observed worn: load at 12.5 mm ")
-    same()
 
 
 def published(said):
@@ -140,20 +111,23 @@ def test_where_standard_output_is_lost_the_recording_goes_on(observe, same, monk
 @pytest.mark.slow
 @pytest.mark.parametrize("stall", [0.05, 1e3])
 def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
-    observe, folder, same, tmp_path, monkeypatch, stall
+    observe, folder, same, monkeypatch, stall
 ):
     monkeypatch.setattr("clutchid.verbs.service.streams._STALL", stall)
-    (tmp_path / "worn.csv").write_bytes((folder / "worn.csv").read_bytes())
-    reading, writing = os.pipe()
+    (arriving, sending), (reading, writing) = os.pipe(), os.pipe()
 
-    def stop():
-        wait_for(lambda: unread(reading) > 32_000)
-        time.sleep(0.5)  # the pipe is full, and has been for a while
-        os.kill(os.getpid(), signal.SIGTERM)
+    def send():
+        with os.fdopen(sending, "wb", buffering=0) as stream:
+            stream.write((folder / "worn.csv").read_bytes())
+            wait_for(lambda: unread(reading) > 32_000 and not unread(arriving))
+            time.sleep(0.5)  # the pipe is full, and has been for a while
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.3)
 
-    with meanwhile(stop), os.fdopen(writing, "w") as stream:
+    with meanwhile(send), os.fdopen(arriving) as source, os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr("sys.stdin", source)
         monkeypatch.setattr("sys.stdout", stream)
-        code, _, errors = observe("worn.csv", "--follow", "--publish", "-")
+        code, _, errors = observe("-", "--publish", "-")
     with os.fdopen(reading) as lines:
         whole = lines.read().rpartition("\n")[0].splitlines()
     assert code == 0
@@ -164,29 +138,29 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
 
 
 @pytest.mark.slow
-def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, tmp_path, monkeypatch):
+def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, monkeypatch):
     monkeypatch.setattr("clutchid.verbs.service.streams._STALL", 0.05)
     text = (folder / "worn.csv").read_bytes()
-    (tmp_path / "worn.csv").write_bytes(text[:200_000])
-    reading, writing = os.pipe()
+    (arriving, sending), (reading, writing) = os.pipe(), os.pipe()
     said = []
 
     def read():
+        os.write(sending, text[:200_000])
         wait_for(lambda: unread(reading) > 32_000)
         time.sleep(0.5)
-        with os.fdopen(reading, "rb") as lines, meanwhile(grow):
+        with os.fdopen(reading, "rb") as lines, meanwhile(go_on):
             said.append(lines.read())
 
-    def grow():
-        for begin in range(200_000, len(text), 50_000):
-            with (tmp_path / "worn.csv").open("ab") as file:
-                file.write(text[begin : begin + 50_000])
-            time.sleep(0.2)
-        os.kill(os.getpid(), signal.SIGTERM)
+    def go_on():
+        with os.fdopen(sending, "wb", buffering=0) as stream:
+            for begin in range(200_000, len(text), 50_000):
+                stream.write(text[begin : begin + 50_000])
+                time.sleep(0.2)
 
-    with meanwhile(read), os.fdopen(writing, "w") as stream:
+    with meanwhile(read), os.fdopen(arriving) as source, os.fdopen(writing, "w") as stream:
+        monkeypatch.setattr("sys.stdin", source)
         monkeypatch.setattr("sys.stdout", stream)
-        code, _, _ = observe("worn.csv", "--follow", "--publish", "-")
+        code, _, _ = observe("-", "--publish", "-")
     assert code == 0
     samples, *_ = published(b"".join(said).decode())
     assert samples[-1]["time [s]"] == pytest.approx(5.999)
@@ -218,12 +192,11 @@ def test_a_bus_that_cannot_be_opened_leaves_no_file(observe, folder, same, tmp_p
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["worn.csv", "--publish", "-"], "is for a live recording; give -, can:CHANNEL, or --follow worn.csv"),
+        (["worn.csv", "--publish", "-"], "--publish -: is for a live recording; give - or can:CHANNEL"),
         (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),
         (["-", "--publish", "-", "--json"], "leave one of them out"),
         (["-", "--publish", "-", "--publish-every", "-1"], "--publish-every -1: a time in ms is at least 0"),
         (["-", "--publish-every", "nan"], "--publish-every nan: a time in ms is at least 0"),
-        (["none.csv", "--follow"], "none.csv"),
     ],
 )
 def test_options_that_do_not_go_together_are_said_in_a_sentence(observe, tmp_path, monkeypatch, options, words):

@@ -19,7 +19,6 @@ from clutchid.cli.common import (
     OUTPUT,
     SEARCH,
     FileOptions,
-    Flag,
     ForceFlag,
     OutOption,
     OutputFlag,
@@ -66,8 +65,6 @@ class ObserveOptions:
     supply_std
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
         default 0.03. It widens the bands of load and pressure.
-    follow
-        Go on when LOG, CSV or JSON lines, grows, until Ctrl-C.
     publish
         Results of a live recording while it goes on: `-` writes JSON lines on standard output,
         `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
@@ -90,7 +87,6 @@ class ObserveOptions:
     files: FileOptions = USUAL_FILES
     zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
     supply_std: Annotated[float | None, SEARCH] = None
-    follow: Flag = False
     publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
     publish_every: Annotated[float | None, OUTPUT] = None
     force: ForceFlag = False
@@ -134,18 +130,15 @@ def observe(
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
     if options.publish == STANDARD_OUTPUT and options.json:
         raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
-    live, outputs = options.follow or is_live(log), options.outputs
-    outputs.check(log, options.start, options.resume, options.files, live=live)
+    outputs = options.outputs
+    outputs.check(log, options.start, options.resume, options.files)
     content = calibration_file(options.start)
-    if not live:
+    if not is_live(log):
         reading = options.files.reading([log], force=options.force, zero=options.zero)
         run = observed(reading, content, options.method, options.resume, options.supply_std)
         outputs.write(run, content)
         return _answer(Observation(run, content.origin), outputs, json=options.json)
-    arriving = LiveReading(
-        log, options.files, options.method, options.zero, options.resume, grows=options.follow,
-        supply_std=options.supply_std,
-    )  # fmt: skip
+    arriving = LiveReading(log, options.files, options.method, options.zero, options.resume, options.supply_std)
     end = follow_live(arriving, content, outputs, say_checks=not options.json)
     with unhurried_errors():
         message = " ".join(filter(None, (end.fault, *end.troubles)))

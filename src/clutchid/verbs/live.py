@@ -1,16 +1,13 @@
-"""`observe` while a recording arrives: from standard input, a growing file or a bus, block by block."""
+"""`observe` while a recording arrives: from standard input or a bus, block by block."""
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import Log
@@ -24,7 +21,6 @@ if TYPE_CHECKING:
     from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
     from clutchid.observer.recording import ObservedRecording
-    from clutchid.observer.state import Tail
     from clutchid.strokes.vented_rest import Zero
 
 #: Name of standard input.
@@ -43,15 +39,13 @@ class LiveReading:
     Attributes
     ----------
     log
-        `-`, ``can:CHANNEL``, or a file that grows.
+        `-` or ``can:CHANNEL``.
     files
         Options of reading.
     method, zero
         As of `clutchid.observe`.
     resume
         State to go on from.
-    grows
-        Whether `log` is a file, which may begin before that state.
     supply_std
         As of `clutchid.observe`.
     """
@@ -61,7 +55,6 @@ class LiveReading:
     method: str = "joint"
     zero: Zero = "subtract"
     resume: Path | None = None
-    grows: bool = False
     supply_std: float | None = None
 
 
@@ -91,7 +84,7 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
     """
     from clutchid.measurements.checks import AMBIENT
     from clutchid.measurements.live.bus import bus_blocks, from_bus
-    from clutchid.measurements.live.feed import from_descriptor, from_growing_file
+    from clutchid.measurements.live.feed import from_descriptor
     from clutchid.measurements.live.text import text_blocks
     from clutchid.measurements.map.channel_map import read_map
     from clutchid.observer.state_file import saved_origin
@@ -102,27 +95,24 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
     ambient = pressure_option(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
-    origin = None if reading.resume is None or reading.grows else saved_origin(reading.resume)
+    origin = None if reading.resume is None else saved_origin(reading.resume)
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
         blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
-    elif str(log) == STANDARD_INPUT:
+    else:
         if sys.stdin is None:
             raise DataError(
                 "standard input: is closed; name a file, or send samples, as in: cat LOG | clutchid observe -"
             )
         pieces = from_descriptor(sys.stdin.fileno(), stopped)
         blocks = text_blocks(pieces, "stdin", channels, ambient, required, origin=origin)
-    else:
-        pieces = from_growing_file(log, stopped)
-        blocks = text_blocks(pieces, printable(log.stem), channels, ambient, required, grows=True)
     for block in blocks:
         yield replace(block, log=equipment.driven(block.log))
 
 
 def first_observer(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
-    """The observer of a recording whose first block has come; for a growing file, after the samples of the saved state.
+    """The observer of a recording whose first block has come.
 
     Raises
     ------
@@ -134,9 +124,6 @@ def first_observer(blocks: Iterator[LiveBlock], content: ParameterFile, reading:
 
     first = next(blocks)
     observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero, reading.supply_std)
-    if reading.grows and reading.resume is not None:
-        blocks = _behind(state.tail, chain([first], blocks), reading.resume)
-        first = next(blocks)
     return Begun(live_run(observer, state), chain([first], blocks), first.log)
 
 
@@ -163,39 +150,3 @@ def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
         trouble = str(error)
     if not run.usable:
         raise DataError(trouble or no_sample(begin.first.name))
-
-
-def _behind(tail: Tail, blocks: Iterator[LiveBlock], resumed: Path) -> Iterator[LiveBlock]:
-    """The blocks of a file after the samples of a saved state, which the file must contain unless it begins later.
-
-    Raises
-    ------
-    DataError
-        If the file has other samples there, or none behind them.
-    """
-    latest = float(tail.time[-1]) if tail.time.size else -math.inf
-    had: list[Log] = []
-    name = ""
-    for block in blocks:
-        log, name = block.log, block.log.name
-        new = int(np.searchsorted(log.time, latest, side="right"))
-        old = log.slice(int(np.searchsorted(log.time[:new], tail.time[:1].min(initial=math.inf))), new)
-        had += [old] if new else []
-        if new == len(log):
-            continue
-        if had and not _same_samples(had, tail):
-            raise DataError(
-                f"{name}: has other samples up to {latest:g} s than the recording that {resumed} comes from; give "
-                "the recording that follows that one, or start without --resume."
-            )
-        yield replace(block, log=log.slice(new, len(log)))
-        yield from blocks
-        return
-    raise DataError(f"{name}: has no sample behind {latest:g} s, where {resumed} is; there is nothing to observe.")
-
-
-def _same_samples(logs: Sequence[Log], tail: Tail) -> bool:
-    """Whether the samples are those that a state remembers, by their stamps and duty cycles."""
-    time = np.concatenate([log.time for log in logs])
-    duties = np.concatenate([log.duties() for log in logs])
-    return np.array_equal(time, tail.time) and np.array_equal(duties, tail.duties, equal_nan=True)

@@ -93,19 +93,6 @@ def test_a_text_has_the_stamps_of_the_file(trouble, size, tmp_path):
     check(read(tmp_path / "run.csv"), columns, said, words)
 
 
-@pytest.mark.parametrize("trouble", TROUBLES)
-def test_a_growing_file_that_is_stopped_anywhere_has_the_first_samples_of_the_whole(trouble):
-    lines = lines_of(trouble)
-    whole, _, _, _ = followed(lines, grows=True)
-    for count in (501, 1001, 1501, 1502, 1560, 1599, 1640, 1750):
-        stopped, said, _, _ = followed(lines[: count + 1], grows=True)
-        for name, values in stopped.items():
-            assert np.array_equal(values, whole[name][: values.size]), name
-        left = count - stopped["time"].size
-        assert left <= 202  # what shows it within 0.2 s, and lone stamps
-        assert any("left for --resume" in sentence for sentence in said) or left <= 2
-
-
 @pytest.mark.parametrize("count", [1100, 2200])
 @pytest.mark.parametrize("trouble", TROUBLES)
 def test_a_text_that_is_stopped_goes_on_from_the_origin_of_its_time(trouble, count):

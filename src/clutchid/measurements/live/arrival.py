@@ -13,14 +13,12 @@ from clutchid.measurements.live.order import (
     FIRST,
     ArrivedBatch,
     LeftOutCounts,
-    WaitingSamples,
     final,
     none_waiting,
     sorted_in,
 )
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
-from clutchid.messages import quantity, sample_count
 
 #: Entry of the metadata: the stamp of the source in s that is the time 0 of the recording.
 ORIGIN = "origin_s"
@@ -59,7 +57,6 @@ def live_blocks(
     *,
     origin: float | None = None,
     shift: float = 0.0,
-    grows: bool = False,
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording as their samples arrive; the first has at least `FIRST` samples, if there are as many.
 
@@ -77,8 +74,6 @@ def live_blocks(
         The stamp that is the time 0 of the batches, None where stamps count from 0.
     shift : s
         By how much the clock is moved before the first sample, in a recording that goes on.
-    grows
-        Whether the samples can be read again with those behind them, so that at the end those behind a jump are left.
 
     Raises
     ------
@@ -95,11 +90,7 @@ def live_blocks(
         except DataError as error:
             batch, trouble = None, error
         ended = batch is None
-        left_over = grows and trouble is None and waiting.tolerance is not None
-        more = batch or ArrivedBatch(np.empty(0), ())
-        waiting, out, sentences = sorted_in(waiting, more, ended=ended and not left_over)
-        if ended and waiting.stamps.size:
-            sentences = (*sentences, _left_sentence(waiting))
+        waiting, out, sentences = sorted_in(waiting, batch or ArrivedBatch(np.empty(0), ()), ended=ended)
         left, said = left.plus(out), (*said, *sentences)
         waiting, ready = final(waiting, ended=ended)
         unused, block = _joined(unused, ready, picks, ended=ended)
@@ -112,13 +103,6 @@ def live_blocks(
         trouble = DataError(f"{name}: ended before the first sample with a time; nothing can be observed.")
     if trouble is not None:
         raise trouble
-
-
-def _left_sentence(waiting: WaitingSamples) -> str:
-    """Sentence about samples that no block has had."""
-    count = sample_count(waiting.stamps.size)
-    jump = f"{quantity(waiting.stamps[0], 's')} after {quantity(waiting.clock.written, 's')}"
-    return f"the clock jumps before the end ({jump}), and nothing shows why yet: {count} left for --resume."
 
 
 def _joined(

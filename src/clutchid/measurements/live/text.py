@@ -179,7 +179,6 @@ def text_blocks(
     required: Sequence[str],
     *,
     origin: float | None = None,
-    grows: bool = False,
 ) -> Iterator[LiveBlock]:
     """Blocks of a recording from pieces of text of any length, see `clutchid.measurements.live.arrival.live_blocks`.
 
@@ -195,8 +194,6 @@ def text_blocks(
         Quantities that the recording must have.
     origin : s
         The stamp that is the time 0 of a recording that goes on, None for 0.
-    grows
-        As of `live_blocks`.
 
     Raises
     ------
@@ -216,7 +213,7 @@ def text_blocks(
         picks = by_position(grid for pick in picks for grid in by_presence(pick, first, _TELLING, _FEW))
     metadata = {"source": name, "ambient_Pa": repr(float(ambient))}
     batches = _batches(feed.rows(chosen), picks, ambient)
-    yield from live_blocks(batches, picks, name, metadata, shift=-(origin or 0.0), grows=grows)
+    yield from live_blocks(batches, picks, name, metadata, shift=-(origin or 0.0))
 
 
 def _check_one_time(name: str, raster: Raster, first: Table, times: Sequence[int]) -> None:

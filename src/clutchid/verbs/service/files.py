@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from clutchid.errors import ExportError, ParameterError
 from clutchid.measurements.live.bus_name import BusName, bus_name
 from clutchid.systems import command_line
+from clutchid.verbs.live import is_live
 from clutchid.verbs.options import ReadingText
 from clutchid.verbs.saving import check_outputs, loads_path
 from clutchid.verbs.service.streams import say_unhurried
@@ -75,7 +76,7 @@ class Outputs:
         every = (self.out, self.by_stroke, self.save, self.report, self.results_dbc)
         return tuple(path for path in every if path is not None)
 
-    def check(self, log: Path, start: Path, resume: Path | None, files: ReadingText, *, live: bool) -> None:
+    def check(self, log: Path, start: Path, resume: Path | None, files: ReadingText) -> None:
         """Check that the options go together and with the recording, and that the files can be written.
 
         A state may replace the file that it was resumed from.
@@ -85,10 +86,8 @@ class Outputs:
         ExportError, ParameterError
             If they do not, or cannot.
         """
-        if self.publish is not None and not live:
-            raise ParameterError(
-                f"--publish {self.publish}: is for a live recording; give -, can:CHANNEL, or --follow {log}."
-            )
+        if self.publish is not None and not is_live(log):
+            raise ParameterError(f"--publish {self.publish}: is for a live recording; give - or can:CHANNEL.")
         if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
             raise ParameterError(
                 f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
