@@ -64,7 +64,7 @@ HASTY = [sys.executable, "-c", f"from clutchid.cli import main; {_HASTE}; main()
 BUS = [sys.executable, "-c", "import live_faults; live_faults.bus_process()"]
 CALIBRATION = ["--start", "../cal.toml"]
 BUS_OPTIONS = ["--dbc", "../bus.dbc", "--map", "../map.toml"]
-CHANNEL, RESULTS = "truck", "results"
+CHANNEL = "truck"
 
 
 class Reference(NamedTuple):
@@ -328,7 +328,6 @@ KINDS: dict[str, Kind] = {
     "terminal hangs up, --publish -": Kind(_hang_up, options=("--publish", "-"), output="terminal"),
     "bus, SIGTERM": Kind(goes_on=False, bus="SIGTERM"),
     "bus, SIGKILL": Kind(goes_on=False, bus="SIGKILL", codes=(-signal.SIGKILL,), hasty=True, killed=True),
-    "bus of results blocks": Kind(bus="block"),
 }
 
 
@@ -372,7 +371,7 @@ def one_run(folder: Path, name: str, number: int, draw: random.Random, undisturb
         undisturbed = reference(folder / f"reference{number}", [*lines[:moment], *lines[moment + 1 :]])
     end = draw.randint(moment + 1, size - 500) if kind.goes_on else moment
     if kind.bus:
-        return _bus_run(name, place, number, moment, end, undisturbed)
+        return _bus_run(name, place, moment, undisturbed)
     session = Session(place, kind, lines, draw)
     session.give(min(300, moment))
     if not kind.first:
@@ -507,19 +506,17 @@ def _rows(
     return lost, wrong
 
 
-def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undisturbed: Reference) -> Outcome:
+def _bus_run(name: str, place: Path, moment: int, undisturbed: Reference) -> Outcome:
     """A run on a virtual bus, whose sender works in the same process."""
     kind = KINDS[name]
     (place / "out").mkdir()
-    session = _BusSession(place, moment if kind.killed or not kind.goes_on else end)
-    how = {"send": [0, session.read], "fault": kind.bus, "moment": moment, "hasty": kind.hasty}
-    publish = ["--publish", f"can:virtual:{RESULTS}"] if kind.bus == "block" else []
-    code, pid = _on_bus(place, how, [*publish], "errors.txt")
-    del number
+    how = {"send": [0, moment], "fault": kind.bus, "hasty": kind.hasty}
+    code, pid = _on_bus(place, how, [], "errors.txt")
     wrong: list[str] = []
     if code not in kind.codes:
         wrong.append(f"exit code {code}")
-    wrong += [*_sentences(session.errors, code), *_left_behind(place, pid, kind)]
+    errors = (place / "errors.txt").read_text(errors="replace")
+    wrong += [*_sentences(errors, code), *_left_behind(place, pid, kind)]
     saved = place / "kept"
     saved.mkdir()
     file, state = Path("out/est.parquet"), place / "out" / "state.toml"
@@ -529,7 +526,7 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     if has_state := state.exists():
         latest = tomllib.loads(state.read_text())["tail"]["time"][-1]
         at = int(np.searchsorted(undisturbed.samples["time [s]"].to_numpy(), latest, side="right"))
-        how = {"send": [at, len(undisturbed.lines) - 1], "fault": "", "moment": 0, "hasty": False}
+        how = {"send": [at, len(undisturbed.lines) - 1], "fault": "", "hasty": False}
         again, _ = _on_bus(place, how, ["--resume", "out/state.toml"], "again.txt")
         if again != 0:
             said = " ".join((place / "again.txt").read_text().split())
@@ -541,17 +538,8 @@ def _bus_run(name: str, place: Path, number: int, moment: int, end: int, undistu
     if kind.killed:
         for path in (place / "out").glob("*.recovered*"):
             path.replace(saved / path.name.replace(".recovered", ""))
-    lost, problems = _rows(place, saved, kind, file, has_state, session.read, np.nan, undisturbed)
+    lost, problems = _rows(place, saved, kind, file, has_state, moment, np.nan, undisturbed)
     return Outcome(name, lost, lost < 0.0005, "; ".join([*wrong, *problems]))
-
-
-class _BusSession(NamedTuple):
-    place: Path
-    read: int
-
-    @property
-    def errors(self) -> str:
-        return (self.place / "errors.txt").read_text(errors="replace")
 
 
 def _on_bus(place: Path, how: dict[str, object], options: Sequence[str], errors: str) -> tuple[int | None, int]:
@@ -574,25 +562,12 @@ def _on_bus(place: Path, how: dict[str, object], options: Sequence[str], errors:
 
 def bus_process() -> None:
     """Follow a virtual bus on which a thread of this process sends, as the environment says; with its fault."""
-    import can
-    from can.interfaces.virtual import VirtualBus
 
     from clutchid.verbs.service import following
 
     how = json.loads(os.environ["LIVE_FAULT"])
     if how["hasty"]:
         following.MINUTE = HASTE
-    if how["fault"] == "block":
-        taken, send = [0], VirtualBus.send
-
-        def blocking(bus: can.BusABC, message: can.Message, timeout: float | None = None) -> None:
-            if bus.channel_info.endswith(RESULTS) or getattr(bus, "channel_id", "") == RESULTS:
-                taken[0] += 1
-                if taken[0] > how["moment"] // 10:
-                    threading.Event().wait()
-            send(bus, message, timeout)
-
-        VirtualBus.send = blocking
     threading.Thread(target=_send_on_bus, args=(how,), daemon=True).start()
     clutchid()
 
@@ -632,7 +607,7 @@ def prepared_bus(folder: Path, lines: Sequence[bytes]) -> Reference:
     (folder / "frames.json").write_text(json.dumps(frames))
     place = folder / "bus"
     (place / "out").mkdir(parents=True)
-    code, _ = _on_bus(place, {"send": [0, len(frames)], "fault": "", "moment": 0, "hasty": False}, [], "errors.txt")
+    code, _ = _on_bus(place, {"send": [0, len(frames)], "fault": "", "hasty": False}, [], "errors.txt")
     assert code == 0, (place / "errors.txt").read_text()
     samples, strokes = (pl.read_parquet(place / "out" / name) for name in ("est.parquet", "est.load.parquet"))
     assert samples.height == len(frames)

@@ -9,10 +9,8 @@ import sys
 import threading
 
 import can
-import numpy as np
 import polars as pl
 import pytest
-from can.interfaces.virtual import VirtualBus
 
 from clutchid.estimation.parameter_file import ParameterFile, write_parameters
 from clutchid.measurements.formats.can.file import frame_log
@@ -106,34 +104,6 @@ def test_lost_late_and_damaged_frames_are_flags(call, folder, tmp_path, messages
     assert pl.read_parquet(tmp_path / "est.parquet").height == 5998
 
 
-def test_results_are_published_as_frames_with_a_dbc(call, folder, tmp_path, messages):
-    import cantools
-
-    received = []
-    with can.Bus("results", interface="virtual") as listener:
-        code, said, errors = call(messages, "--publish", "can:virtual:results")
-        while (frame := listener.recv(0.0)) is not None:
-            received.append(frame)
-    assert (code, errors) == (0, "")
-    assert said.splitlines()[-1].endswith("est.dbc")
-    database = cantools.database.load_file(tmp_path / "est.dbc")
-    decoded = [database.decode_message(frame.arbitration_id, frame.data, decode_choices=False) for frame in received]
-    assert len(decoded) == 3 * 600
-    state, load, health = decoded[0::3], decoded[1::3], decoded[2::3]
-    file = pl.read_parquet(folder / "file.parquet").gather_every(10)
-    pressure = file["pressure_a [Pa]"].to_numpy() / 1e3
-    finite = np.isfinite(pressure)
-    sent = np.array([frame["pressure_a"] for frame in state])
-    assert sent[finite] == pytest.approx(pressure[finite], abs=0.01 + 1e-9)
-    assert sent[~finite] == pytest.approx(1310.7)
-    stamps = np.array([frame["sample_time"] for frame in health])
-    assert stamps == pytest.approx(file["time [s]"].to_numpy(), abs=0.5e-3 + 1e-9)
-    assert {frame["late"] for frame in health} == {0}
-    strokes = pl.read_parquet(folder / "file.load.parquet")
-    assert load[-1]["stroke"] == strokes.height
-    assert len({frame["load_position"] for frame in load}) > 40
-
-
 @pytest.mark.slow
 def test_a_bus_is_followed_on_from_a_state_with_its_own_clock(call, folder, tmp_path, messages):
     assert call(messages, "--save", "whole.toml")[0] == 0
@@ -149,24 +119,6 @@ def test_a_bus_is_followed_on_from_a_state_with_its_own_clock(call, folder, tmp_
         both = [rows, pl.read_parquet(tmp_path / f"est{suffix}")]
         assert pl.concat(both).equals(pl.read_parquet(folder / f"file{suffix}"), null_equal=True)
     assert (tmp_path / "state.toml").read_text() == (tmp_path / "whole.toml").read_text()
-
-
-def test_a_bus_of_results_that_blocks_does_not_stop_the_recording(call, folder, tmp_path, messages, monkeypatch):
-    blocked, send = threading.Event(), VirtualBus.send
-
-    def block(bus, *arguments, **options):
-        if bus.channel_id == "results":
-            blocked.wait()
-        return send(bus, *arguments, **options)
-
-    monkeypatch.setattr(VirtualBus, "send", block)
-    monkeypatch.setattr("clutchid.measurements.live.bus.STALL", 0.1)
-    monkeypatch.setattr("clutchid.measurements.live.bus.MOST_TO_SEND", 10)
-    code, _, errors = call(messages, "--publish", "can:virtual:results")
-    blocked.set()
-    assert code == 0
-    assert "can:virtual:results: does not take every frame (it took none for 0.1 s)" in errors
-    same(folder, tmp_path)
 
 
 @pytest.mark.slow

@@ -182,18 +182,11 @@ def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     same()
 
 
-def test_a_bus_that_cannot_be_opened_leaves_no_file(observe, folder, same, tmp_path, piped):
-    code, said, errors = observe("-", "--publish", "can:nosuchif:x")
-    assert (code, said) == (2, "")
-    assert "can:nosuchif:x: cannot be opened" in errors
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["worn.csv", "--publish", "-"], "--publish -: is for a live recording; give - or can:CHANNEL"),
-        (["-", "--publish", "results.jsonl"], "--publish results.jsonl: results go to -"),
+        (["-", "--publish", "can:can0"], 'Invalid value "can:can0" for --publish. Choose from: "-".'),
         (["-", "--publish", "-", "--json"], "leave one of them out"),
         (["-", "--publish", "-", "--publish-every", "-1"], "--publish-every -1: a time in ms is at least 0"),
         (["-", "--publish-every", "nan"], "--publish-every nan: a time in ms is at least 0"),

@@ -33,7 +33,7 @@ from clutchid.errors import ParameterError
 from clutchid.verbs.commands import typed
 from clutchid.verbs.live import STANDARD_INPUT, LiveReading, is_live
 from clutchid.verbs.options import USUAL_FILES
-from clutchid.verbs.service.files import STANDARD_OUTPUT, Outputs
+from clutchid.verbs.service.files import Outputs
 
 if TYPE_CHECKING:
     from clutchid.documents import Observation
@@ -66,10 +66,9 @@ class ObserveOptions:
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
         default 0.03. It widens the bands of load and pressure.
     publish
-        Results of a live recording while it goes on: `-` writes JSON lines on standard output,
-        `can:CHANNEL` frames on a bus, whose DBC is written beside --out, as FILE.dbc.
+        Results of a live recording while it goes on, as JSON lines on standard output.
     publish_every
-        Time in ms from one published sample to the next; 0 publishes each, the default for lines; 10 for frames.
+        Time in ms from one published sample to the next; 0 publishes each.
     force
         Observe although a check of the recording is bad; the checks are those of `clutchid look`.
     json
@@ -87,18 +86,18 @@ class ObserveOptions:
     files: FileOptions = USUAL_FILES
     zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
     supply_std: Annotated[float | None, SEARCH] = None
-    publish: Annotated[str | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
-    publish_every: Annotated[float | None, OUTPUT] = None
+    publish: Annotated[Literal["-"] | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
+    publish_every: Annotated[float, OUTPUT] = 0.0
     force: ForceFlag = False
     json: OutputFlag = False
     debug: OutputFlag = False
 
     @property
     def outputs(self) -> Outputs:
-        """The files that are written, and where results are published."""
+        """The files that are written, and whether results are published."""
         return Outputs(
-            out=self.out, save=self.save, report=self.report, publish=self.publish, every=self.publish_every,
-            command=typed(sys.argv[1:]),
+            out=self.out, save=self.save, report=self.report, publish=self.publish is not None,
+            every=self.publish_every, command=typed(sys.argv[1:]),
         )  # fmt: skip
 
 
@@ -128,7 +127,7 @@ def observe(
 
     if str(log).startswith("-") and str(log) != STANDARD_INPUT:
         raise ParameterError(f"Unknown option: {log}. Try 'clutchid observe --help'.")
-    if options.publish == STANDARD_OUTPUT and options.json:
+    if options.publish and options.json:
         raise ParameterError("--publish - and --json both write on standard output; leave one of them out.")
     outputs = options.outputs
     outputs.check(log, options.start, options.resume, options.files)
@@ -173,7 +172,7 @@ def _answer(
     if json:
         print_json({**document.data(), **({"status": status, "message": message} if message else {})})
         return DONE if not message else BAD_INPUT if status == "bad_input" else FAILED
-    messages: TextIO = sys.stderr if outputs.publish == STANDARD_OUTPUT else sys.stdout
+    messages: TextIO = sys.stderr if outputs.publish else sys.stdout
     say(warning for warning in observation.run.log.warnings if warning not in said)
     print_rows(document.rows_on(On.BRIEF), messages)
     print_written(*(moved.get(path, path) for path in outputs.paths), to=messages)

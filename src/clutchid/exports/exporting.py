@@ -172,7 +172,7 @@ def write_export(
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
         files[f"a2l/{style.name}_xcp.a2l"] = xcp_template(observer, style)
     if "dbc" in to:
-        files[f"dbc/{style.name}.dbc"] = results_dbc(of_c=True)
+        files[f"dbc/{style.name}.dbc"] = results_dbc()
     head = provenance(observer).head
     for name, text in files.items():
         if name.endswith(".h") and isinstance(text, str) and not text.startswith(head):

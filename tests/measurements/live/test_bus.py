@@ -10,10 +10,10 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measurements.live import bus as module
-from clutchid.measurements.live.bus import bus_blocks, from_bus, opened_bus, sender
+from clutchid.measurements.live.bus import bus_blocks, from_bus
 from clutchid.measurements.live.bus_name import BusName
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
-from fixtures.bus import CLUTCH, DBC, VALVES, frames_of, message, sending
+from fixtures.bus import CLUTCH, DBC, frames_of, message, sending
 from fixtures.commands import wait_for
 
 NAME = BusName("virtual", "test")
@@ -115,56 +115,6 @@ def test_without_a_map_the_signals_need_standard_names(tmp_path):
     blocks = received([message(*frame) for frame in frames_of(ramp(1.5))])
     with pytest.raises(DataError, match=r"(?s)no channel is assigned to position.*give a channel map with --map"):
         recorded(blocks, tmp_path, None)
-
-
-def test_what_is_sent_arrives_under_its_identifier():
-    with opened_bus(NAME) as listener:
-        with sender(NAME, lambda: False) as send:
-            assert send([(VALVES, b"\1\2"), (CLUTCH, b"\3")]) == ""
-        messages = [listener.recv(0.0) for _ in range(2)]
-    assert [(frame.arbitration_id, bytes(frame.data)) for frame in messages] == [(VALVES, b"\1\2"), (CLUTCH, b"\3")]
-    assert not any(frame.is_extended_id for frame in messages)
-
-
-def test_a_bus_that_does_not_take_a_frame_says_why(monkeypatch):
-    def fail(*_):
-        raise can.CanOperationError("Buffer full")
-
-    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", fail)
-    with sender(NAME, lambda: False) as send:
-        until = time.monotonic() + 10.0
-        while not (reason := send([(VALVES, b"")])) and time.monotonic() < until:
-            time.sleep(0.01)
-    assert reason == "Buffer full"
-
-
-def test_a_bus_that_blocks_holds_nothing_up_and_gets_what_comes_when_it_goes_on(monkeypatch):
-    blocked, sent = Event(), []
-
-    def wait(_bus, frame, timeout=None):
-        blocked.wait()
-        sent.append(frame.data[0])
-
-    monkeypatch.setattr("can.interfaces.virtual.VirtualBus.send", wait)
-    monkeypatch.setattr(module, "MOST_TO_SEND", 2)
-    monkeypatch.setattr(module, "STALL", 0.2)
-    begin = time.monotonic()
-    with sender(NAME, lambda: False) as send:
-        reasons = [send([(VALVES, bytes([i]))]) for i in range(200)]
-        assert time.monotonic() - begin < 2.0
-        assert reasons[0] == ""
-        assert reasons[-1] == "it took none for 0.2 s"
-        blocked.set()
-        wait_for(lambda: not send([(VALVES, b"\xff")]), 10.0)
-    assert sent[:2] == [0, 1]
-    assert sent[-1] == 0xFF
-    begin = time.monotonic()
-    blocked.clear()
-    with sender(NAME, lambda: True) as send:  # stopped: nothing is waited for
-        reasons = [send([(VALVES, b"\0")]) for _ in range(9)]
-        assert reasons[-1] == "it took none for 0.2 s"
-    assert time.monotonic() - begin < 2.0
-    blocked.set()
 
 
 def test_a_bus_is_closed_when_nobody_wants_its_frames_any_more(monkeypatch):

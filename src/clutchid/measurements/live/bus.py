@@ -6,11 +6,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from queue import Empty, Full, Queue
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,12 +42,6 @@ if TYPE_CHECKING:
 #: Frames that wait at most: those that arrive while the ones before them are looked at. More stay with the bus.
 MOST_WAITING = 1 << 17
 
-#: Samples whose frames wait to be sent at most, and time in s for which a bus that sends none is waited for.
-MOST_TO_SEND, STALL = 512, 2.0
-
-#: Identifier of 11 bits and bytes of a frame.
-Payload = tuple[int, bytes]
-
 _Stopped = Callable[[], bool]
 
 
@@ -63,83 +56,21 @@ def opened_bus(name: BusName) -> Iterator[can.BusABC]:
     MissingExtra
         If python-can is not installed.
     """
-    bus = _open(name)
-    try:
-        yield bus
-    finally:
-        bus.shutdown()
-
-
-def _open(name: BusName) -> can.BusABC:
     check_python_can("a CAN bus")
     import can
 
     try:
         with quiet("can"):
-            return can.Bus(channel=name.channel, interface=name.interface)
+            bus = can.Bus(channel=name.channel, interface=name.interface)
     except (can.CanError, OSError, ValueError, ImportError) as error:
         raise DataError(
             f"{name}: cannot be opened ({_reason(error)}); name a bus as can:CHANNEL for SocketCAN, such as can:can0, "
             "or as can:INTERFACE:CHANNEL, such as can:pcan:PCAN_USBBUS1."
         ) from error
-
-
-@contextmanager
-def sender(name: BusName, stopped: _Stopped) -> Iterator[Callable[[Sequence[Payload]], str]]:
-    """Function that sends payloads that belong together; it returns why the bus did not take all so far, if so.
-
-    A thread of its own sends them, so that a bus that does not go on holds up nothing: it is waited for `STALL`
-    seconds, and then takes no more until it goes on. Once `stopped`, it is waited for only at the end.
-
-    Raises
-    ------
-    DataError
-        If the bus cannot be opened.
-    MissingExtra
-        If python-can is not installed.
-    """
-    bus = _open(name)
-    waiting: Queue[Sequence[Payload]] = Queue(MOST_TO_SEND)
-    reasons: list[str] = []
-    closing = threading.Event()
-    thread = threading.Thread(target=_send, args=(bus, waiting, reasons, closing), daemon=True)
-    thread.start()
-    stalled = False
-
-    def send(together: Sequence[Payload]) -> str:
-        nonlocal stalled
-        until = time.monotonic() + (0.0 if stalled else STALL)
-        while True:
-            try:
-                waiting.put(together, timeout=PATIENCE if not stalled else 1e-4)
-            except Full:
-                if stopped() or time.monotonic() >= until:
-                    stalled = True
-                    return f"it took none for {STALL:g} s"
-            else:
-                stalled = False
-                return reasons[0] if reasons else ""
-
     try:
-        yield send
+        yield bus
     finally:
-        closing.set()
-        thread.join(0.0 if stalled else STALL)
-
-
-def _send(bus: can.BusABC, waiting: Queue[Sequence[Payload]], reasons: list[str], closing: threading.Event) -> None:
-    """Send what waits, and then close the bus; the first reason of a frame that it did not take is kept."""
-    import can
-
-    while not (closing.is_set() and waiting.empty()):
-        with suppress(Empty):
-            for identifier, payload in waiting.get(timeout=PACE):
-                try:
-                    bus.send(can.Message(arbitration_id=identifier, data=payload, is_extended_id=False))
-                except (can.CanError, OSError) as error:
-                    if not reasons:
-                        reasons.append(_reason(error))
-    bus.shutdown()
+        bus.shutdown()
 
 
 #: Longest time in s that the end of a recording waits for the thread that reads the bus.

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.errors import ExportError, ParameterError
-from clutchid.measurements.live.bus_name import BusName, bus_name
 from clutchid.systems import command_line
 from clutchid.verbs.live import is_live
 from clutchid.verbs.options import ReadingText
@@ -26,13 +25,9 @@ if TYPE_CHECKING:
     from clutchid.observer.recording import ObservedRecording
 
 
-#: Name of standard output.
-STANDARD_OUTPUT = "-"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """Files that `observe` writes, and where a live recording is published.
+    """Files that `observe` writes, and whether results of a live recording are published.
 
     Attributes
     ----------
@@ -41,7 +36,7 @@ class Outputs:
     save, report
         State after the last sample, and page.
     publish
-        `-` or ``can:CHANNEL``.
+        Whether results are written on standard output as they arise.
     every : ms
         Time from one published sample to the next.
     command
@@ -51,8 +46,8 @@ class Outputs:
     out: Path
     save: Path | None = None
     report: Path | None = None
-    publish: str | None = None
-    every: float | None = None
+    publish: bool = False
+    every: float = 0.0
     command: str = ""
 
     @property
@@ -61,20 +56,9 @@ class Outputs:
         return loads_path(self.out)
 
     @property
-    def bus(self) -> BusName | None:
-        """The bus on which results are published, if any."""
-        return bus_name(self.publish or "")
-
-    @property
-    def results_dbc(self) -> Path | None:
-        """The DBC of frames that are published, beside the samples."""
-        return self.out.with_suffix(".dbc") if self.bus else None
-
-    @property
     def paths(self) -> tuple[Path, ...]:
         """All files, in the order in which they are named."""
-        every = (self.out, self.by_stroke, self.save, self.report, self.results_dbc)
-        return tuple(path for path in every if path is not None)
+        return tuple(filter(None, (self.out, self.by_stroke, self.save, self.report)))
 
     def check(self, log: Path, start: Path, resume: Path | None, files: ReadingText) -> None:
         """Check that the options go together and with the recording, and that the files can be written.
@@ -86,22 +70,13 @@ class Outputs:
         ExportError, ParameterError
             If they do not, or cannot.
         """
-        if self.publish is not None and not is_live(log):
-            raise ParameterError(f"--publish {self.publish}: is for a live recording; give - or can:CHANNEL.")
-        if self.publish not in (None, STANDARD_OUTPUT) and self.bus is None:
-            raise ParameterError(
-                f"--publish {self.publish}: results go to -, standard output, or to a bus, such as can:can0."
-            )
-        if self.every is not None and not 0.0 <= self.every < math.inf:
+        if self.publish and not is_live(log):
+            raise ParameterError("--publish -: is for a live recording; give - or can:CHANNEL.")
+        if not 0.0 <= self.every < math.inf:
             raise ParameterError(f"--publish-every {self.every:g}: a time in ms is at least 0, for example 20.")
         read: list[tuple[str, Path | None]] = [("the recording itself", log), ("the calibration", start)]
         read += [("the DBC of the recording", path) for path in files.dbc or ()]
-        written = {
-            "--out": self.out,
-            "--out (load by stroke)": self.by_stroke,
-            "--report": self.report,
-            "--publish (DBC)": self.results_dbc,
-        }
+        written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}
         check_outputs(written, [*read, ("the state of --resume", resume)])
         others = [(f"the file of {option}", path) for option, path in written.items()]
         check_outputs({"--save": self.save}, [*read, *others])

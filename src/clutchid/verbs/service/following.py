@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,8 +18,7 @@ from clutchid.errors import DataError, ExportError
 from clutchid.systems import HANG_UPS, STOPS
 from clutchid.verbs.live import Begun, LiveReading, arriving, first_observer, steps
 from clutchid.verbs.service.files import FileTroubles, Outputs, left_by_earlier_run
-from clutchid.verbs.service.sinks import sinks_of
-from clutchid.verbs.service.streams import Stopped, say_unhurried
+from clutchid.verbs.service.streams import Stopped, published_lines, say_unhurried
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -131,7 +130,7 @@ def _observed(
     run, fault, saved, count = begin.run, "", time.monotonic(), 0
     said: frozenset[str] = frozenset()
     with (
-        sinks_of(outputs, stopped) as sinks,
+        published_lines(1e-3 * outputs.every, stopped) if outputs.publish else nullcontext() as publish,
         files.spooled(outputs.out) as add_samples,
         files.spooled(outputs.by_stroke) as add_strokes,
     ):
@@ -151,6 +150,6 @@ def _observed(
             new = (*(run.checked or () if before.checked is None else ()), *clock)
             if say_checks and new and say_unhurried(new):
                 said |= {*new}
-            for sink in sinks:
-                sink(before, run, part)
+            if publish:
+                publish(before, run, part)
     return with_check_sentences(run), fault, said

@@ -7,12 +7,19 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from io import StringIO
-from typing import Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
-from clutchid.documents.console import printable_lines, put
-from clutchid.systems import Outgoing
+from clutchid.documents.console import discard_output, printable_lines, put
+from clutchid.systems import Outgoing, is_closed_pipe
+
+if TYPE_CHECKING:
+    from clutchid.observer.live import LiveRun
+    from clutchid.observer.recording import ObservedRecording
 
 Stopped = Callable[[], bool]
+
+#: Takes the recording before a block, after it, and the block.
+Publish = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
 
 #: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
 #: and where the reader had stalled and takes something again.
@@ -23,7 +30,7 @@ _PATIENCE = 0.1
 
 
 @contextmanager
-def outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
+def _outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
     """A standard stream that does not wait for its reader; None if it has no descriptor."""
     with ExitStack() as stack:
         try:
@@ -35,7 +42,7 @@ def outgoing(stream: TextIO) -> Iterator[Outgoing | None]:
         yield out
 
 
-class Send(Protocol):
+class _Send(Protocol):
     """Function that sends a text after the rest of earlier texts; whether all of it was taken.
 
     What is left over is kept, and a text that comes while there is some is left out. `wait` is whether the rest of the
@@ -45,7 +52,7 @@ class Send(Protocol):
     def __call__(self, text: bytes, *, wait: bool) -> bool: ...
 
 
-def as_printed(text: bytes, *, wait: bool) -> bool:
+def _as_printed(text: bytes, *, wait: bool) -> bool:
     """Send a text as `put` does, where a stream has no descriptor."""
     del wait
     if text:
@@ -53,15 +60,14 @@ def as_printed(text: bytes, *, wait: bool) -> bool:
     return True
 
 
-def sender_to(out: Outgoing, stopped: Stopped, patience: float | None = None) -> Send:
-    """Function that sends to `out`, which is given `patience` seconds, by default `_STALL`, to take a part."""
+def _sender_to(out: Outgoing, stopped: Stopped, patience: float) -> _Send:
+    """Function that sends to `out`, which is given `patience` seconds to take a part."""
 
     def send(text: bytes, *, wait: bool) -> bool:
-        limit = _STALL if patience is None else patience
-        if _left(out, stopped, limit if wait else 0.0):
+        if _left(out, stopped, patience if wait else 0.0):
             return False
         out.send(text)
-        return not _left(out, stopped, limit)
+        return not _left(out, stopped, patience)
 
     return send
 
@@ -82,10 +88,10 @@ def _left(out: Outgoing, stopped: Stopped, patience: float) -> int:
     return out.left
 
 
-class Collected(StringIO):
+class _Collected(StringIO):
     """Text that is sent as a whole when it is flushed; the rest that the reader does not take is dropped."""
 
-    def __init__(self, send: Send, terminal: bool) -> None:
+    def __init__(self, send: _Send, terminal: bool) -> None:
         super().__init__()
         self._send, self._terminal = send, terminal
 
@@ -105,11 +111,11 @@ class Collected(StringIO):
 @contextmanager
 def unhurried_errors() -> Iterator[None]:
     """Standard error that is written at the end of the ``with`` block, without waiting for a slow reader."""
-    with outgoing(sys.stderr) as out:
+    with _outgoing(sys.stderr) as out:
         if out is None:
             yield
             return
-        collected = Collected(sender_to(out, lambda: False, _STALL_STOPPED), sys.stderr.isatty())
+        collected = _Collected(_sender_to(out, lambda: False, _STALL_STOPPED), sys.stderr.isatty())
         try:
             with redirect_stderr(collected):
                 yield
@@ -124,10 +130,47 @@ def say_unhurried(warnings: Iterable[str]) -> bool:
     A stopped terminal, or a pipe that nobody reads, is given as much time as a stopped publisher.
     """
     text = "".join(f"warning: {printable_lines(warning)}\n" for warning in warnings)
-    with suppress(OSError, ValueError), outgoing(sys.stderr) as out:
+    with suppress(OSError, ValueError), _outgoing(sys.stderr) as out:
         if out is None:
             put(text.removesuffix("\n"), to=sys.stderr)
             return True
         encoding = sys.stderr.encoding or "utf-8"
-        return sender_to(out, lambda: False, _STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
+        return _sender_to(out, lambda: False, _STALL_STOPPED)(text.encode(encoding, "backslashreplace"), wait=True)
     return False
+
+
+@contextmanager
+def published_lines(every: float, stopped: Stopped) -> Iterator[Publish]:
+    """Function that writes the results of a block as JSON lines on standard output; a sample each `every` seconds.
+
+    Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
+    not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
+    """
+    from clutchid.documents.observe_lines import observe_lines
+
+    with _outgoing(sys.stdout) as out:
+        send = _as_printed if out is None else _sender_to(out, stopped, _STALL)
+        open_, stalled = True, False
+
+        def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+            nonlocal open_, stalled
+            lines = observe_lines(before, after, part, every) if open_ else []
+            if not lines:
+                return
+            earlier = stalled
+            try:
+                stalled = not send("".join(f"{line}\n" for line in lines).encode(), wait=not stalled)
+            except OSError as error:
+                open_ = False
+                discard_output()
+                reason = "closed" if is_closed_pipe(error) else f"lost ({error.strerror or error})"
+                say_unhurried([f"standard output was {reason}: nothing is published any more, the recording goes on."])
+                return
+            if stalled and not earlier and not stopped():
+                left = "standard output is not read: results are left out there until it is, the recording goes on."
+                say_unhurried([left])
+
+        yield publish
+        if open_:  # the last line is whole where somebody reads
+            with suppress(OSError):
+                send(b"", wait=True)
