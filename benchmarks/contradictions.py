@@ -25,9 +25,9 @@ from prove import STROKES_A_METRE
 from clutchid.inference.filter.joint_filter import JointPass
 from clutchid.log import Log
 from clutchid.observer import following
+from clutchid.observer.configuration import Observer, observer
 from clutchid.observer.contradiction import LARGEST_EXCESS, LEARNING, STANDING
-from clutchid.observer.observer import Observer, observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.run import observe_recording
 from clutchid.truck import GRID, drive, truck
 
 #: Trucks that the rule was chosen on, and those that it was reported on, by family and number.

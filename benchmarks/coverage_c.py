@@ -25,7 +25,7 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
 from clutchid.observer import observer, start
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 from clutchid.parameters import Parameters
 from clutchid.strokes.vented_rest import vented_rest
 

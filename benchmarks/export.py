@@ -37,8 +37,8 @@ from clutchid.exports.parity import begins_us, begun, parity, replay, samples_of
 from clutchid.exports.target import FAST_FLAGS, SMALL, example_files
 from clutchid.log import FloatArray, Log
 from clutchid.observer import observer, start
+from clutchid.observer.configuration import Observer
 from clutchid.observer.methods import METHODS
-from clutchid.observer.observer import Observer
 from clutchid.truck import drive, truck
 
 STYLES = {

@@ -16,8 +16,8 @@ from online import calibrated
 
 from clutchid.log import Log
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.configuration import observer
+from clutchid.observer.run import observe_recording
 from clutchid.truck import GRID, drive, truck
 
 TRUCKS = "A0,A1,A2,B0,B1,B3"

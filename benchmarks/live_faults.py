@@ -59,7 +59,7 @@ PATIENCE, HASTE = 15.0, 0.25
 TOGETHER = 10
 
 COMMAND = [sys.executable, "-m", "clutchid"]
-_HASTE = f"from clutchid.verbs.service import following; following.MINUTE = {HASTE}"
+_HASTE = f"from clutchid.verbs.live import following; following.MINUTE = {HASTE}"
 HASTY = [sys.executable, "-c", f"from clutchid.cli import main; {_HASTE}; main()"]
 BUS = [sys.executable, "-c", "import live_faults; live_faults.bus_process()"]
 CALIBRATION = ["--start", "../cal.toml"]
@@ -563,7 +563,7 @@ def _on_bus(place: Path, how: dict[str, object], options: Sequence[str], errors:
 def bus_process() -> None:
     """Follow a virtual bus on which a thread of this process sends, as the environment says; with its fault."""
 
-    from clutchid.verbs.service import following
+    from clutchid.verbs.live import following
 
     how = json.loads(os.environ["LIVE_FAULT"])
     if how["hasty"]:

@@ -36,7 +36,7 @@ CASES = ("nothing", "warm", "cold", "valves", LATE)
 
 
 #: Modules whose noise is changed; the package exports a function of the name of the first one.
-on_line, posed = map(import_module, ("clutchid.observer.observer", "clutchid.estimation.problem"))
+on_line, posed = map(import_module, ("clutchid.observer.configuration", "clutchid.estimation.problem"))
 
 
 class Factors(NamedTuple):

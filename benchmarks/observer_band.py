@@ -28,8 +28,8 @@ from prove import SECONDS, STROKES_A_METRE
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.conditions import by_supply
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer.observer import Observer, observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.configuration import Observer, observer
+from clutchid.observer.run import observe_recording
 from clutchid.truck import GRID, Vehicle, drive, truck
 
 #: First number of the trucks of families, and first seed of the hybrids.

@@ -18,8 +18,8 @@ from online import ANOTHER, FAULTS, WEAR, calibrated
 from prove import STROKES_A_METRE
 
 from clutchid.estimation.assess.observed import engaging_load, indicators, observed_verdict
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.configuration import observer
+from clutchid.observer.run import observe_recording
 from clutchid.truck import GRID, drive, truck
 
 

@@ -28,9 +28,9 @@ from clutchid import fit
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.configuration import observer, start
 from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
-from clutchid.observer.observer import observer, start
 from clutchid.strokes.stroke import NO_STROKES, count_strokes
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 

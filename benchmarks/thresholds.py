@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from forms import forms, outcome
 
-from clutchid.measurements import clock, grids, recording, sparse, time_axis
+from clutchid.measurements import clock, conversion, grids, sparse, time_axis
 
 #: Module, name, unit, and where the value comes from.
 THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
@@ -32,7 +32,7 @@ THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (time_axis, "_BURSTS", "bursts", "a guess: as many as give a rate to a percent"),
     (time_axis, "_LEAST", "samples", "between a pair, as of a repeated stamp, and the bursts of 16 of data/hunt (40)"),
     (time_axis, "_WITHIN", "", "bursts of data/hunt (40) take less than a hundredth of their period"),
-    (recording, "_PLACED", "", "a guess: whole seconds of a recording at 10 Hz leave a tenth"),
+    (conversion, "_PLACED", "", "a guess: whole seconds of a recording at 10 Hz leave a tenth"),
     (sparse, "_ENOUGH", "samples", "a guess"),
     (sparse, "_WITHOUT", "", "above the 10 % of dropouts of a bad sensor, below the half of two equal grids"),
     (sparse, "_BETWEEN", "rows", "rows of another grid lie between the samples"),

@@ -7,7 +7,7 @@ interval of noise and fit; the truck has more physics than the model, which the 
 import matplotlib.pyplot as plt
 
 import clutchid
-from clutchid.study.recording import true_load
+from clutchid.study.bundled import true_load
 
 log = clutchid.bundled_recording()
 fit = clutchid.fit(log)

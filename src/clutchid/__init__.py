@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from clutchid.measurements.look import look as look
     from clutchid.model import Actuator as Actuator
     from clutchid.model import Load as Load
-    from clutchid.observer.observer import Observer as Observer
+    from clutchid.observer.configuration import Observer as Observer
     from clutchid.parameters import Parameters as Parameters
     from clutchid.simulation import Partition as Partition
     from clutchid.simulation import Simulation as Simulation
@@ -73,7 +73,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "inference.uncertainty.coordinates": ("Prior",),
     "log": ("Log",),
     "model": ("Actuator", "Load"),
-    "observer.observer": ("Observer",),
+    "observer.configuration": ("Observer",),
     "parameters": ("Parameters",),
     "measurements": ("read", "read_pieces", "write"),
     "measurements.look": ("look",),

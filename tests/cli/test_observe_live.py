@@ -19,7 +19,7 @@ import pytest
 
 from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import SENTENCES
-from clutchid.verbs.service.following import shown_clock
+from clutchid.verbs.live.following import shown_clock
 from fixtures.commands import called, meanwhile, wait_for
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
@@ -180,9 +180,7 @@ def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, fo
 
 @pytest.mark.slow
 def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call, folder, lines, tmp_path):
-    script = (
-        "from clutchid.cli import main; from clutchid.verbs.service import following; following.MINUTE = 0.0; main()"
-    )
+    script = "from clutchid.cli import main; from clutchid.verbs.live import following; following.MINUTE = 0.0; main()"
     options = ["--start", str(folder / "cal.toml"), "--out", "est.parquet", "--save", "state.toml"]
     head, *lines = lines
     command = [sys.executable, "-c", script, "observe", "-", *options]

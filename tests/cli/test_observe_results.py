@@ -113,7 +113,7 @@ def test_where_standard_output_is_lost_the_recording_goes_on(observe, same, monk
 def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_files(
     observe, folder, same, monkeypatch, stall
 ):
-    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", stall)
+    monkeypatch.setattr("clutchid.verbs.live.streams._STALL", stall)
     (arriving, sending), (reading, writing) = os.pipe(), os.pipe()
 
     def send():
@@ -139,7 +139,7 @@ def test_a_reader_that_stalls_costs_its_lines_and_the_first_signal_writes_the_fi
 
 @pytest.mark.slow
 def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, monkeypatch):
-    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.live.streams._STALL", 0.05)
     text = (folder / "worn.csv").read_bytes()
     (arriving, sending), (reading, writing) = os.pipe(), os.pipe()
     said = []
@@ -171,7 +171,7 @@ def test_lines_go_on_whole_once_they_are_read_again(observe, folder, same, monke
 def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
     observe, folder, same, tmp_path, monkeypatch, piped
 ):
-    monkeypatch.setattr("clutchid.verbs.service.streams._STALL", 0.05)
+    monkeypatch.setattr("clutchid.verbs.live.streams._STALL", 0.05)
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as stream, monkeypatch.context() as both:
         both.setattr("sys.stdout", stream)

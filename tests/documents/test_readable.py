@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from clutchid.documents import document_of, observe, wear
+from clutchid.documents import document_of, observation, wear
 from clutchid.documents.comparison import comparison_figure
 from clutchid.documents.diagnosis import colour_figure, region_figure
 from clutchid.documents.figures import legend, new_figure
@@ -18,7 +18,7 @@ from clutchid.estimation.assess.evidence import evidence
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer import observe_recording, observer
-from clutchid.observer.recording import loads
+from clutchid.observer.run import loads
 from fixtures.baselines import with_baseline
 from fixtures.figures import legends_on_the_engaging_range, smallest_text
 from fixtures.lives import life, reading
@@ -56,7 +56,7 @@ def of_loads(compared, run, curves):
     return {
         "fit": load_figure(compared),
         "comparison": comparison_figure(compared.comparison),
-        "observe": observe.loads_figure(loads(run)),
+        "observe": observation.loads_figure(loads(run)),
         "track": wear.life_figure(curves),
     }
 
@@ -69,8 +69,8 @@ def others(compared, run, worn):
         "recording": recording_figure(compared.recordings["first"]),
         "colour": colour_figure(diagnosis),
         "region": region_figure(diagnosis),
-        "strokes": observe.strokes_figure(run),
-        "samples": observe.samples_figure(run),
+        "strokes": observation.strokes_figure(run),
+        "samples": observation.samples_figure(run),
         "trend": wear.trend_figure(worn),
     }
 

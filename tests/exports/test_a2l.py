@@ -15,8 +15,8 @@ from clutchid.exports.a2l import a2l, unit_of, xcp_template
 from clutchid.exports.c99 import CStyle
 from clutchid.model import Actuator
 from clutchid.observer import observer
+from clutchid.observer.configuration import Observer
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import Observer
 from clutchid.observer.state_file import fingerprint
 from fixtures.a2l import addresses
 from fixtures.export_c import compiled, write_sources

@@ -21,7 +21,7 @@ from clutchid.log import Log
 from clutchid.observer import observer, start
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.health import FLAGS
-from clutchid.observer.recording import observe_recording
+from clutchid.observer.run import observe_recording
 from clutchid.simulation import simulate
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.changed_logs import picked, spoiled

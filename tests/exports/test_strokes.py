@@ -14,8 +14,8 @@ from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import Log
 from clutchid.observer import curve, observer, start
 from clutchid.observer.by_stroke import curve_positions
+from clutchid.observer.configuration import DRIFT
 from clutchid.observer.following import observe_strokes
-from clutchid.observer.observer import DRIFT
 from clutchid.strokes.rule import VALUE
 from clutchid.strokes.stroke import BEGINS, ENDS, NO_STROKES, SHORTEST, count_strokes
 from fixtures.export_c import replay, write_sources

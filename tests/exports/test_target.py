@@ -17,7 +17,7 @@ from clutchid.exports.target import OUTPUTS, example_files, vectors
 from clutchid.log import FloatArray, Log
 from clutchid.model import Actuator
 from clutchid.observer import observer
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 from fixtures.export_c import write_sources
 from fixtures.programs import path_of
 

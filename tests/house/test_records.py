@@ -20,7 +20,7 @@ from sympy import Symbol
 import clutchid
 from clutchid import Actuator, Partition
 from clutchid.model.own import OwnModel, OwnParameter
-from clutchid.observer.observer import observer, start
+from clutchid.observer.configuration import observer, start
 from clutchid.truck import truck
 from fixtures.public_records import annotations, is_record, public_records, records_of
 

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from clutchid.measurements.columns import distinct, headings
+from clutchid.measurements.conversion import pieces
 from clutchid.measurements.formats.csv import file as csv_file
 from clutchid.measurements.formats.csv.file import open_file
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
-from clutchid.measurements.recording import pieces
 from fixtures.sources import everything
 
 

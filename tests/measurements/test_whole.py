@@ -7,9 +7,9 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.measurements import read, read_pieces, write
+from clutchid.measurements.conversion import pieces
 from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
-from clutchid.measurements.recording import pieces
 
 ROWS = 1_500_000
 

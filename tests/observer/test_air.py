@@ -12,7 +12,7 @@ from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter
 from clutchid.observer import observe, observer, start
 from clutchid.observer.air import air_of_samples, at_air
 from clutchid.observer.by_stroke import estimates_of, follow_strokes
-from clutchid.observer.recording import unused_conditions
+from clutchid.observer.run import unused_conditions
 
 CALIBRATED = 290.0
 

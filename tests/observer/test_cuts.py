@@ -15,7 +15,7 @@ from clutchid.observer import observe, observe_recording, observer, read_state, 
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, live_run
 from clutchid.observer.methods import METHODS
-from clutchid.observer.recording import usual_nis
+from clutchid.observer.run import usual_nis
 from clutchid.strokes.vented_rest import vented_rest
 from fixtures.observing import assert_same
 

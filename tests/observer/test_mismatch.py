@@ -13,7 +13,7 @@ from clutchid.observer import estimates_of, observe, observe_recording, observer
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import MEMORY, MISMATCHED, normalised
 from clutchid.observer.prior import AIR_STD, deviation_by_air
-from clutchid.observer.recording import usual_nis
+from clutchid.observer.run import usual_nis
 from fixtures.observing import assert_same, in_blocks
 
 module = import_module("clutchid.observer.following")

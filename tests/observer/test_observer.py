@@ -11,9 +11,9 @@ from clutchid import Actuator
 from clutchid.errors import DataError, ParameterError
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.observer import observe, observer, read_state, start, write_state
+from clutchid.observer.configuration import DRIFT
 from clutchid.observer.gaps import BRIDGED
 from clutchid.observer.methods import METHODS
-from clutchid.observer.observer import DRIFT
 from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, spoiled
 from fixtures.observing import in_blocks

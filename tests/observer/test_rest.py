@@ -6,7 +6,7 @@ from numpy.testing import assert_equal
 
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer
-from clutchid.observer.observer import start
+from clutchid.observer.configuration import start
 from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import NOTHING, RestWatch
 from clutchid.strokes.vented_rest import VentedRest, vented_rest

@@ -11,7 +11,7 @@ from clutchid.observer import observe, observer, start
 from clutchid.observer.health import LIVE_FLAGS
 from clutchid.observer.live import after_block, live_run, with_check_sentences
 from clutchid.observer.prior import load_deviation, supply_of
-from clutchid.observer.recording import observe_recording, unused_conditions
+from clutchid.observer.run import observe_recording, unused_conditions
 from clutchid.simulation import simulate
 
 STROKE = np.linspace(2e-3, 9e-3, 30)

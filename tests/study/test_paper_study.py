@@ -11,8 +11,8 @@ from clutchid.errors import DataError, ExportError
 from clutchid.log import Log
 from clutchid.study import halves, paper_study
 from clutchid.study import output as paper
+from clutchid.study.bundled import true_load
 from clutchid.study.figures import FIGURES, figure_5
-from clutchid.study.recording import true_load
 from clutchid.study.results import StudyResults
 from clutchid.study.tables import TABLES, equation_21
 from fixtures.figures import legends_on_the_engaging_range

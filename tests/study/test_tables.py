@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.model import Load
 from clutchid.simulation import Partition, simulate
-from clutchid.study.recording import TrueLoad, true_load
+from clutchid.study.bundled import TrueLoad, true_load
 from clutchid.study.results import NUMBERS, PaperMethod, best_possible, load_error, methods
 from clutchid.study.tables import TABLE_1, TABLE_2, computed, equation_21, printed
 

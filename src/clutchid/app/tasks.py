@@ -16,7 +16,7 @@ from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
 from clutchid.documents.json_text import json_text
 from clutchid.documents.look import look_json, map_json
-from clutchid.documents.observe import observation_data
+from clutchid.documents.observation import observation_data
 from clutchid.documents.results import Looked
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.numerics.progress import Step

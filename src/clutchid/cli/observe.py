@@ -31,9 +31,9 @@ from clutchid.cli.common import (
 from clutchid.documents.console import print_rows, say
 from clutchid.errors import ParameterError
 from clutchid.verbs.commands import typed
-from clutchid.verbs.live import STANDARD_INPUT, LiveReading, is_live
+from clutchid.verbs.live.arriving import STANDARD_INPUT, LiveReading, is_live
+from clutchid.verbs.live.files import Outputs
 from clutchid.verbs.options import USUAL_FILES
-from clutchid.verbs.service.files import Outputs
 
 if TYPE_CHECKING:
     from clutchid.documents import Observation
@@ -120,9 +120,9 @@ def observe(
         arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
     """
     from clutchid.documents import Observation
+    from clutchid.verbs.live.following import follow_live
+    from clutchid.verbs.live.streams import unhurried_errors
     from clutchid.verbs.observing import observed
-    from clutchid.verbs.service.following import follow_live
-    from clutchid.verbs.service.streams import unhurried_errors
     from clutchid.verbs.start import calibration_file
 
     if str(log).startswith("-") and str(log) != STANDARD_INPUT:

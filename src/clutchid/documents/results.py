@@ -102,7 +102,7 @@ class SimulatedRecording:
 #: Builder of each kind of result, imported where such a result comes.
 _BUILDERS = {
     "Fit": "fit:fit_document",
-    "Observation": "observe:observe_document",
+    "Observation": "observation:observe_document",
     "WornClutch": "wear:wear_document",
     "FleetWear": "fleet:fleet_document",
     "Looked": "look:look_document",

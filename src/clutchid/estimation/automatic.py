@@ -15,7 +15,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.parameters import in_order
 from clutchid.preparation.inspection.air import pressure_unit
-from clutchid.preparation.inspection.reading import InspectedRecording
+from clutchid.preparation.inspection.inspected import InspectedRecording
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.preparation.pulses import centred, find_carrier
 from clutchid.strokes.duty_cycle import duty_grid, duty_period, grid_phase, on_off

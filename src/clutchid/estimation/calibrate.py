@@ -98,7 +98,7 @@ def _with_calibration(
     progress: Progress | None,
 ) -> Fit:
     """`result` as a calibration made under `conditions`, with the errors and innovations of position alone."""
-    from clutchid.observer.recording import usual_nis  # on use: readings do without an observer
+    from clutchid.observer.run import usual_nis  # on use: readings do without an observer
 
     calibration = replace(calibration_of(result, actuator), missed=missed_load(result))
     simulated = [result.recordings[log.name].simulated for log in logs]

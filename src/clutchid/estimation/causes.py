@@ -185,10 +185,10 @@ def _cause(
 ) -> InputFault | None:
     """The innovations without a fault of this size; None for a recording that an observer cannot follow."""
     from clutchid.observer import observer  # on use: most readings do without an observer
+    from clutchid.observer.configuration import start
     from clutchid.observer.following import observe
     from clutchid.observer.mismatch import normalised
-    from clutchid.observer.observer import start
-    from clutchid.observer.recording import spacing, too_slow, usable
+    from clutchid.observer.run import spacing, too_slow, usable
 
     corrected = fault.undone(log, size) if fault else log
     if not usable(corrected) or too_slow(corrected, actuator) or not calibration.nis > 0.0:

@@ -27,9 +27,9 @@ from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import by_stroke, contradiction, health, mismatch, rest
+from clutchid.observer.configuration import LEAK_FOUND, Observer
 from clutchid.observer.following import BEYOND_STOPS, HELD_BACK
 from clutchid.observer.gaps import BRIDGED, SHORT, longest
-from clutchid.observer.observer import LEAK_FOUND, Observer
 from clutchid.observer.state import FROZEN, ObserverState
 from clutchid.simulation import plan
 from clutchid.strokes import excitation, plausible, rest_level, rule, stroke, values, vented_rest

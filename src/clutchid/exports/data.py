@@ -15,10 +15,10 @@ from clutchid.log import FloatArray
 from clutchid.log.states import NOISE_SPAN, SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.configuration import Observer
 from clutchid.observer.following import PRESSURES
 from clutchid.observer.gaps import UNKNOWN_SHARE
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import Observer
 from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, KNOWN_AIR_STD, LEAK
 from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState

@@ -29,7 +29,7 @@ from clutchid.exports.requirements import requirement_files
 from clutchid.exports.target import SAMPLE_COSTS, example_files, vectors
 from clutchid.files import make_folder, not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 from clutchid.observer.state import ObserverState
 
 Target = Literal["c", "fmu2", "fmu3", "matlab", "a2l", "dbc"]

@@ -19,9 +19,9 @@ from clutchid.inference.filter.joint_filter import drifted
 from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, curve_positions
+from clutchid.observer.configuration import Observer, start
 from clutchid.observer.health import FLAGS
-from clutchid.observer.observer import Observer, start
-from clutchid.observer.recording import follow_block
+from clutchid.observer.run import follow_block
 from clutchid.observer.state import ObserverState, RestWatch, Sound
 from clutchid.strokes.stroke import Strokes
 

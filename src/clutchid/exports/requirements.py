@@ -8,7 +8,7 @@ from clutchid.codegen.templates import template
 from clutchid.exports.c99 import CLOCK, CStyle, c_number
 from clutchid.exports.parity import trial_drive
 from clutchid.log import Log
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 from clutchid.strokes.stroke import BEGINS
 
 

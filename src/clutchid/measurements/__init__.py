@@ -206,7 +206,7 @@ def source_pieces(
 
     The metadata of one read as a whole have its `checksum`, unless it is a table in memory.
     """
-    from clutchid.measurements.recording import check_size, pieces
+    from clutchid.measurements.conversion import check_size, pieces
 
     added = next((float(pressure) for pressure in (ambient, added) if pressure is not None), AMBIENT)
     metadata = {"source": printable(source.path.name), "ambient_Pa": repr(added)}

@@ -14,12 +14,12 @@ from clutchid.arguments import checked
 from clutchid.log import INPUTS, FloatArray
 from clutchid.measurements.checks import AMBIENT, check_ambient, in_si
 from clutchid.measurements.columns import REQUIRED, Heading
+from clutchid.measurements.conversion import by_names, findings, picked, scaled
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.measurements.map.picking import own_clock
 from clutchid.measurements.map.proposal import Proposal, means_the_contract, propose
 from clutchid.measurements.opening import open_source, with_dbc
 from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxis, TimeGridOverview, updated
-from clutchid.measurements.recording import by_names, findings, picked, scaled
 from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
 from clutchid.measurements.stored import WHOLE
 

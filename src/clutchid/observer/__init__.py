@@ -5,9 +5,9 @@ comes out: `start`, then `observe` for every block of samples.
 """
 
 from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estimates_of, follow_strokes
+from clutchid.observer.configuration import Observer, observer, start
 from clutchid.observer.following import Observed, observe
-from clutchid.observer.observer import Observer, observer, start
-from clutchid.observer.recording import Loads, ObservedRecording, loads, observe_recording
+from clutchid.observer.run import Loads, ObservedRecording, loads, observe_recording
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import read_state, write_state
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from clutchid.inference.uncertainty.conditions import ACCURACY, AIR, LOST, RATE, SWING
 from clutchid.log import BoolArray, FloatArray, IntArray
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 from clutchid.observer.state import ObserverState
 from clutchid.simulation.parameter_map import parameter_map
 from clutchid.strokes.stroke import RESOLUTION

@@ -13,8 +13,8 @@ from clutchid.log import FloatArray, Log
 from clutchid.log.numbers import as_numbers
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.air import at_air
+from clutchid.observer.configuration import Observer
 from clutchid.observer.following import Observed, observe_strokes
-from clutchid.observer.observer import Observer
 from clutchid.observer.state import ObserverState
 
 #: Distance of two positions of the load curve of a stroke in m.

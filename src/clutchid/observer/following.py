@@ -25,9 +25,9 @@ from clutchid.inference.filter.joint_filter import (
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
 from clutchid.observer.air import air_of_samples, at_air
+from clutchid.observer.configuration import Observer, start, unknown
 from clutchid.observer.gaps import bridged, latest_driven, longest, repeats
 from clutchid.observer.mismatch import mismatches
-from clutchid.observer.observer import Observer, start, unknown
 from clutchid.observer.rest import WRONG, new_stretch, rest_pace, watch_rest
 from clutchid.observer.state import (
     EMPTY,

@@ -8,9 +8,9 @@ from types import MappingProxyType
 import numpy as np
 
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
+from clutchid.observer.configuration import Observer
 from clutchid.observer.following import Observed, subtracted
 from clutchid.observer.mismatch import MISMATCHED
-from clutchid.observer.observer import Observer
 from clutchid.strokes import rule
 
 #: A position further outside of the stroke than this in m is beyond the stops.

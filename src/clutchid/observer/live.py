@@ -10,10 +10,10 @@ import numpy as np
 
 from clutchid.log import BoolArray, FloatArray, Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
+from clutchid.observer.configuration import Observer
 from clutchid.observer.following import Observed
 from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
-from clutchid.observer.observer import Observer
-from clutchid.observer.recording import (
+from clutchid.observer.run import (
     ObservedRecording,
     SupplyUse,
     duration,

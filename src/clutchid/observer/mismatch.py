@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.observer.observer import Observer
+from clutchid.observer.configuration import Observer
 
 #: Corrections in motion that the running mean remembers: 10 s of motion at one every 10 ms.
 MEMORY = 1000

@@ -18,7 +18,7 @@ from clutchid.files import write_text
 from clutchid.files.records import read_toml
 from clutchid.inference.filter.setup import FilterState
 from clutchid.inference.uncertainty.conditions import AIR
-from clutchid.observer.observer import Observer, blank, start
+from clutchid.observer.configuration import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
 from clutchid.strokes.vented_rest import FURTHEST

@@ -11,8 +11,8 @@ from clutchid.documents.figures import draw, label, legend, mark_span, new_figur
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
+from clutchid.study.bundled import TrueLoad
 from clutchid.study.pressure import Pressures, measured_motion, static_estimate
-from clutchid.study.recording import TrueLoad
 from clutchid.study.results import Case, PaperMethod, StudyResults, chosen
 from clutchid.study.tables import PRINTED_SLOPE, TABLE_1
 

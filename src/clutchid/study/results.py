@@ -14,8 +14,8 @@ from clutchid.estimation.result import Recording
 from clutchid.log import Log
 from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition
+from clutchid.study.bundled import TrueLoad, true_load
 from clutchid.study.pressure import Pressures, pressures
-from clutchid.study.recording import TrueLoad, true_load
 from clutchid.verbs.fitting import fit
 
 #: The paper's N.

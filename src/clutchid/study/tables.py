@@ -12,8 +12,8 @@ from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation.result import Errors
 from clutchid.model.weighted_load import PAPER_KNOTS
+from clutchid.study.bundled import TrueLoad
 from clutchid.study.pressure import Pressures
-from clutchid.study.recording import TrueLoad
 from clutchid.study.results import Carry, Case, PaperMethod, StudyResults, load_error, table_rows
 
 #: Table 1, theta_1, theta_2, theta_3 in N/m; they belong to the basis with `PRINTED_SLOPE`.

@@ -84,7 +84,7 @@ def export(
     from clutchid.exports.c99 import CStyle
     from clutchid.exports.exporting import targets_of, write_export
     from clutchid.exports.parity import begun
-    from clutchid.observer.observer import observer, start
+    from clutchid.observer.configuration import observer, start
     from clutchid.observer.state_file import read_state, saved_spacing
 
     targets = targets_of(to) if isinstance(to, str) else to

@@ -19,8 +19,8 @@ from clutchid.verbs.start import CalibrationSource, calibration_file, content_of
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.observer.observer import Observer
-    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.configuration import Observer
+    from clutchid.observer.run import ObservedRecording
     from clutchid.observer.state import ObserverState
 
 
@@ -105,7 +105,7 @@ def observed(
     DataError, ParameterError
         As `observe`.
     """
-    from clutchid.observer.recording import observe_recording, too_slow, unused_conditions
+    from clutchid.observer.run import observe_recording, too_slow, unused_conditions
 
     (log,) = reading.checked(content.actuator, rest=content.rest)
     slow = too_slow(log, content.actuator)
@@ -131,9 +131,9 @@ def observer_of(
     DataError, ParameterError
         As `observe`.
     """
-    from clutchid.observer.observer import observer, start
+    from clutchid.observer.configuration import observer, start
     from clutchid.observer.prior import SUPPLY_STD
-    from clutchid.observer.recording import check_pace, spacing
+    from clutchid.observer.run import check_pace, spacing
     from clutchid.observer.state_file import read_state, saved_spacing
 
     every = spacing(log) if resume is None else saved_spacing(resume)

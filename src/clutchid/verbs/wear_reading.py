@@ -170,9 +170,9 @@ def _fitted(log: Log, content: ParameterFile, path: Path, zero: Zero) -> Recordi
 
 def _observed(log: Log, content: ParameterFile, path: Path, zero: Zero) -> RecordingResult:
     """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
-    from clutchid.documents.observe_rows import observe_sentence
+    from clutchid.documents.observation_rows import observe_sentence
     from clutchid.estimation.assess.observed import indicators, observed_verdict
-    from clutchid.observer.recording import loads
+    from clutchid.observer.run import loads
 
     run = observed(Reading((log,), zero=zero), content)
     after = loads(run).after

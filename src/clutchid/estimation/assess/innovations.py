@@ -10,8 +10,8 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.result import Fit
 from clutchid.log import INPUTS, FloatArray
-from clutchid.observer.observer import observer
-from clutchid.observer.recording import ObservedRecording, observe_recording, spacing
+from clutchid.observer.configuration import observer
+from clutchid.observer.run import ObservedRecording, observe_recording, spacing
 from clutchid.strokes.residual_colour import Colour, colour
 
 #: Length in s over which the NIS is averaged for a curve.

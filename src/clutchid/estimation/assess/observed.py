@@ -15,11 +15,11 @@ from clutchid.estimation.assess.rest import kept_rest
 from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
+from clutchid.observer.configuration import Observer
 from clutchid.observer.health import FLAGS
 from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import MISMATCHED
-from clutchid.observer.observer import Observer
-from clutchid.observer.recording import ObservedRecording, SupplyUse
+from clutchid.observer.run import ObservedRecording, SupplyUse
 from clutchid.strokes.travel import TravelChange, travel_change, travel_of
 
 #: Levels of trust by their number, in the exported C and in frames.

@@ -30,8 +30,8 @@ from clutchid.measurements.clock import (
     shifts_of,
 )
 from clutchid.measurements.columns import heading_problems
+from clutchid.measurements.conversion import picked, picked_values
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
-from clutchid.measurements.recording import picked, picked_values
 from clutchid.measurements.source import Places, Raster, Rows, Source, Table, in_contract, no_tables
 from clutchid.measurements.time_axis import SampleBlock, no_samples, usual_interval
 

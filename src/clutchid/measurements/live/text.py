@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.measurements.checks import in_si
 from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.conversion import picked_values
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
 from clutchid.measurements.formats.csv.rows import read_rows
@@ -23,7 +24,6 @@ from clutchid.measurements.grids import columns_of_times, increase
 from clutchid.measurements.live.arrival import LiveBlock, live_blocks
 from clutchid.measurements.live.order import ArrivedBatch, arrived, by_position, picked_streams
 from clutchid.measurements.map.channel_map import PickedChannels
-from clutchid.measurements.recording import picked_values
 from clutchid.measurements.source import EXAMPLE, Raster, Table
 from clutchid.measurements.sparse import by_presence
 from clutchid.messages import listed

@@ -23,7 +23,7 @@ from clutchid.preparation.inspection.columns import (
     saturation,
     stuck,
 )
-from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, Inspection
+from clutchid.preparation.inspection.inspected import Check, Grade, InspectedRecording, Inspection
 from clutchid.preparation.inspection.timing import sample_rate, time_shift
 from clutchid.strokes.values import values_of
 from clutchid.strokes.vented_rest import VentedRest, from_rest

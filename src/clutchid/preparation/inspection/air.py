@@ -11,7 +11,7 @@ from clutchid.log.units import UNITS, known_units
 from clutchid.measurements.source import UNIT_KEY
 from clutchid.parameters import DEFAULTS
 from clutchid.preparation.inspection.columns import direction
-from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
+from clutchid.preparation.inspection.inspected import Check, Grade, InspectedRecording, spread_over
 from clutchid.strokes.sampled import run_ends
 from clutchid.strokes.vented_pressure import (
     ABSOLUTE,

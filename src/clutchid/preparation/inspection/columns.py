@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from clutchid.log import INPUTS, FloatArray
-from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, shown, spread_over
+from clutchid.preparation.inspection.inspected import Check, Grade, InspectedRecording, shown, spread_over
 from clutchid.simulation.plan import outside_stroke
 from clutchid.strokes.sampled import LEFT_OUT, Runs
 from clutchid.strokes.values import Fault

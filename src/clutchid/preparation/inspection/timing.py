@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray
-from clutchid.preparation.inspection.reading import Check, Grade, InspectedRecording, spread_over
+from clutchid.preparation.inspection.inspected import Check, Grade, InspectedRecording, spread_over
 from clutchid.simulation.stiffness import MOST_SUBSTEPS, STABLE_STEP, TOP_SPEED
 from clutchid.strokes.duty_cycle import CONTINUOUS_STEP
 from clutchid.strokes.sampled import IndexArray, run_ends

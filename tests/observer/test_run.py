@@ -13,7 +13,7 @@ from clutchid.observer import curve, estimates_of, observe, observe_recording, o
 from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.health import FLAGS
 from clutchid.observer.prior import AIR_STD, ASSUMED
-from clutchid.observer.recording import spacing
+from clutchid.observer.run import spacing
 from clutchid.observer.state import FROZEN
 from clutchid.strokes.sampled import velocity
 from clutchid.strokes.vented_rest import vented_rest

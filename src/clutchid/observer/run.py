@@ -17,10 +17,10 @@ from clutchid.log import INPUTS, FloatArray, Log, name_and_unit, sample_interval
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estimates_of, follow_strokes
+from clutchid.observer.configuration import Observer, observer, start
 from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import normalised
-from clutchid.observer.observer import Observer, observer, start
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
 from clutchid.strokes.values import ends_stretch, is_value, outside, with_inputs_in_range

@@ -6,7 +6,7 @@ import numpy as np
 
 from clutchid.log import Log
 from clutchid.study import bundled_recording, halves
-from clutchid.study.recording import REST_RANGE, true_load
+from clutchid.study.bundled import REST_RANGE, true_load
 
 
 def test_the_bundled_recording_is_30_s_at_1_khz_with_pressure(logs):

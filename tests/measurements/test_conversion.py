@@ -7,9 +7,9 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.measurements.columns import REQUIRED
+from clutchid.measurements.conversion import pieces
 from clutchid.measurements.formats.csv.file import open_file
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
-from clutchid.measurements.recording import pieces
 
 FAST, SLOW = np.arange(2000) / 1000 + 0.0003, np.arange(200) / 100
 VALVES = {"t": ("s", FAST), "Einlass": ("%", 100 * (FAST % 0.2 < 0.1)), "Auslass": ("1", 1.0 * (FAST % 0.2 >= 0.1))}

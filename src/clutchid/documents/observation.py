@@ -13,7 +13,7 @@ from clutchid.documents.document import Block, Chapter, Details, Document, Notic
 from clutchid.documents.figures import draw, draw_duties, fill, label, legend, new_figure, with_gaps
 from clutchid.documents.fit_json import curve_json
 from clutchid.documents.innovations import innovation_blocks
-from clutchid.documents.observe_rows import observe_json, rows_of
+from clutchid.documents.observation_rows import observe_json, rows_of
 from clutchid.documents.results import Observation
 from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.documents.tables import Cell, Column, ReportTable

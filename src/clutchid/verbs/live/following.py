@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.errors import DataError, ExportError
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.verbs.live import Begun, LiveReading, arriving, first_observer, steps
-from clutchid.verbs.service.files import FileTroubles, Outputs, left_by_earlier_run
-from clutchid.verbs.service.streams import Stopped, published_lines, say_unhurried
+from clutchid.verbs.live.arriving import Begun, LiveReading, arriving, first_observer, steps
+from clutchid.verbs.live.files import FileTroubles, Outputs, left_by_earlier_run
+from clutchid.verbs.live.streams import Stopped, published_lines, say_unhurried
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.run import ObservedRecording
 
 #: Time in s from one saved state to the next; as much is lost where the power is.
 MINUTE = 60.0

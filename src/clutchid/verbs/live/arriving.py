@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.run import ObservedRecording
     from clutchid.strokes.vented_rest import Zero
 
 #: Name of standard input.
@@ -136,7 +136,7 @@ def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
         If nothing could be observed.
     """
     from clutchid.observer.live import after_block
-    from clutchid.observer.recording import no_sample
+    from clutchid.observer.run import no_sample
 
     run, trouble = begin.run, ""
     try:

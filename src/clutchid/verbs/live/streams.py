@@ -14,7 +14,7 @@ from clutchid.systems import Outgoing, is_closed_pipe
 
 if TYPE_CHECKING:
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.run import ObservedRecording
 
 Stopped = Callable[[], bool]
 
@@ -146,7 +146,7 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Publish]:
     Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
     not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
     """
-    from clutchid.documents.observe_lines import observe_lines
+    from clutchid.documents.observation_lines import observe_lines
 
     with _outgoing(sys.stdout) as out:
         send = _as_printed if out is None else _sender_to(out, stopped, _STALL)

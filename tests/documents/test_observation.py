@@ -6,19 +6,19 @@ import pytest
 from clutchid.documents import document_of
 from clutchid.documents.figures import BINS, thinned, with_gaps
 from clutchid.documents.html import page_of, write_page
-from clutchid.documents.observe import (
+from clutchid.documents.observation import (
     adapted_table,
     health_table,
     loads_figure,
     samples_figure,
     strokes_figure,
 )
-from clutchid.documents.observe_rows import load_sentence, observe_json, observe_sentence
+from clutchid.documents.observation_rows import load_sentence, observe_json, observe_sentence
 from clutchid.documents.results import Observation
 from clutchid.inference.uncertainty.calibration import Origin
 from clutchid.log import Log
 from clutchid.observer import estimates_of, observe_recording, observer
-from clutchid.observer.recording import loads
+from clutchid.observer.run import loads
 
 ORIGIN = Origin("CAL.toml", "2026-11-22T10:00:00+00:00", "abc", "good")
 

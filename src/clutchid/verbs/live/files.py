@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 
 from clutchid.errors import ExportError, ParameterError
 from clutchid.systems import command_line
-from clutchid.verbs.live import is_live
+from clutchid.verbs.live.arriving import is_live
+from clutchid.verbs.live.streams import say_unhurried
 from clutchid.verbs.options import ReadingText
 from clutchid.verbs.saving import check_outputs, loads_path
-from clutchid.verbs.service.streams import say_unhurried
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.log import Log
     from clutchid.measurements.spool import AddBlock
     from clutchid.observer.live import LiveRun
-    from clutchid.observer.recording import ObservedRecording
+    from clutchid.observer.run import ObservedRecording
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

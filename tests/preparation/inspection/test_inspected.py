@@ -5,7 +5,7 @@ import pytest
 
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.preparation.inspection.reading import InspectedRecording
+from clutchid.preparation.inspection.inspected import InspectedRecording
 from clutchid.preparation.inspection.timing import starts
 from clutchid.simulation import simulate
 from fixtures.changed_logs import spoiled

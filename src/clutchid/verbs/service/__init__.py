@@ -1,1 +1,0 @@
-"""`observe` as a service: ended by signals, with results published as they arise and files that survive any fault."""
