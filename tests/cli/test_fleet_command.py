@@ -171,8 +171,7 @@ def test_the_observer_reads_a_fleet_too(observed, tracked):
         (("--limit", "1"), "--limit: belongs to --verb track"),
         (("--timeout", "-1"), "--timeout -1.0: a time in s of at least 0"),
         (("--memory", "2 bananas"), "--memory 2 bananas: at least 300MB is needed"),
-        (("--scheduler", "tls://127.0.0.1:9", "--tls-ca", "ca.pem"), "--tls-cert and --tls-key: also needed"),
-        (("--tls-ca", "ca.pem"), "--tls-ca, --tls-cert, --tls-key: belong to --scheduler"),
+        (("--scheduler", "tls://127.0.0.1:9"), "a connection by TLS needs certificates"),
     ],
 )
 def test_bad_options_are_a_sentence(folder, capsys, options, said):

@@ -10,13 +10,14 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import dask
 import psutil
 import pytest
 from distributed.security import Security
 
 from clutchid.errors import DataError, ParameterError, SolveError
 from clutchid.fleets import cluster
-from clutchid.fleets.cluster import Tls, Workers, answered, connected, results, security_of
+from clutchid.fleets.cluster import Workers, answered, connected, results
 from fixtures.fleet_faults import faulty, own_error
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
@@ -155,42 +156,20 @@ def test_local_workers_open_no_port_and_need_no_dask():
     assert len(process.stdout.split()) >= 2
 
 
-@pytest.fixture(scope="module")
-def certificates(tmp_path_factory):
-    """An authority, a certificate of it, and its key."""
-    made, folder = Security.temporary(), tmp_path_factory.mktemp("tls")
-    files = Tls(folder / "ca.pem", folder / "cert.pem", folder / "key.pem")
-    for path, text in zip(files, (made.tls_ca_file, made.tls_client_cert, made.tls_client_key), strict=True):
-        path.write_text(text)
-    return files
-
-
-def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, certificates, patient):
-    options = ("--tls-ca-file", "--tls-cert", "--tls-key")
-    tls = [str(part) for pair in zip(options, certificates, strict=True) for part in pair]
+def test_a_scheduler_with_certificates_does_the_work_of_who_has_one(tmp_path, patient):
+    secure = Security.temporary()
+    texts = {"ca": secure.tls_ca_file, "cert": secure.tls_client_cert, "key": secure.tls_client_key}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    ca, cert, key = (str(tmp_path / name) for name in texts)
+    tls = ("--tls-ca-file", ca, "--tls-cert", cert, "--tls-key", key)
     with _started(tmp_path, *tls, "--protocol", "tls") as (address, worker, _):
         worker(*tls)
-        rows = results(abs, range(9), Workers(scheduler=address, tls=certificates))
-        assert sorted(row.result for row in rows) == list(range(9))
-        with pytest.raises(ParameterError, match="needs certificates"):
+        with pytest.raises(ParameterError, match="a connection by TLS needs certificates; name their files in Dask's"):
             list(results(abs, range(9), Workers(scheduler=address)))
-        strangers = Security.temporary()
+        files = {"ca-file": ca, "client": {"cert": cert, "key": key}}
+        with dask.config.set({f"distributed.comm.tls.{name}": file for name, file in files.items()}):
+            rows = results(abs, range(9), Workers(scheduler=address))
+            assert sorted(row.result for row in rows) == list(range(9))
         with pytest.raises((OSError, TimeoutError)):
-            asyncio.run(answered(address, strangers, 1.0))
-
-
-def test_certificates_that_do_not_fit_are_a_sentence(tmp_path, certificates):
-    address, text = "tls://127.0.0.1:9", tmp_path / "text.pem"
-    text.write_text("no certificate")
-    with pytest.raises(ParameterError, match="a connection by TLS needs certificates; give --tls-ca, --tls-cert and"):
-        security_of(address, None)
-    with pytest.raises(ParameterError, match="is not secured by TLS"):
-        security_of("tcp://127.0.0.1:9", certificates)
-    for other, error, said in (
-        ({"authority": text}, ParameterError, "--tls-ca .*text.pem: is no certificate"),
-        ({"certificate": text}, ParameterError, "are no certificate and its key"),
-        ({"key": certificates.certificate}, ParameterError, "are no certificate and its key"),
-        ({"key": tmp_path / "no.pem"}, DataError, "no.pem: there is no such file"),
-    ):
-        with pytest.raises(error, match=said):
-            security_of(address, certificates._replace(**other))
+            asyncio.run(answered(address, Security.temporary(), 1.0))

@@ -29,7 +29,7 @@ from clutchid.verbs.commands import typed
 from clutchid.verbs.options import USUAL_FILES, life_limit, pressure_option
 
 if TYPE_CHECKING:
-    from clutchid.fleets.cluster import Tls, Workers
+    from clutchid.fleets.cluster import Workers
     from clutchid.fleets.verbs import FleetRun
 
 #: Statuses in the order in which they are said.
@@ -40,54 +40,6 @@ _UNITS = {"GB": 1e9, "MB": 1e6}
 
 
 @dataclass(frozen=True, slots=True)
-class Scheduler:
-    """Address of a scheduler, and the certificates for it.
-
-    Parameters
-    ----------
-    scheduler
-        Address of a Dask scheduler, which hands the work to workers on other machines, for example tcp://host:8786.
-        They see files under the same paths and have the same clutchid; needs the extra fleet.
-    tls_ca
-        With a scheduler at tls://host:port: PEM file with the authority whose certificates it trusts; by default these
-        three files are those of Dask's configuration.
-    tls_cert
-        PEM file with a certificate of that authority, by which the scheduler knows this process.
-    tls_key
-        PEM file with the key of that certificate.
-    """
-
-    scheduler: Annotated[str, Parameter(show_default=False)] = ""
-    tls_ca: Path | None = None
-    tls_cert: Path | None = None
-    tls_key: Path | None = None
-
-    def tls(self) -> Tls | None:
-        """The files of certificates, all or none.
-
-        Raises
-        ------
-        ParameterError
-            If only some are named, or there is no scheduler.
-        """
-        from clutchid.fleets.cluster import Tls
-
-        files = {"--tls-ca": self.tls_ca, "--tls-cert": self.tls_cert, "--tls-key": self.tls_key}
-        absent = [name for name, path in files.items() if path is None]
-        if len(absent) == len(files):
-            return None
-        if not self.scheduler:
-            raise ParameterError("--tls-ca, --tls-cert, --tls-key: belong to --scheduler tls://host:port.")
-        if self.tls_ca is None or self.tls_cert is None or self.tls_key is None:
-            raise ParameterError(f"{' and '.join(absent)}: also needed; a connection by TLS takes three files.")
-        return Tls(self.tls_ca, self.tls_cert, self.tls_key)
-
-
-#: No scheduler: processes of this machine do the work.
-_NO_SCHEDULER = Scheduler()
-
-
-@dataclass(frozen=True, slots=True)
 class WorkerLimits:
     """Workers, and their limits of time and memory for a recording.
 
@@ -95,6 +47,9 @@ class WorkerLimits:
     ----------
     workers
         Number of processes on this machine, at most 4 a processor or 16; does not affect the results.
+    scheduler
+        Address of a Dask scheduler, which hands the work to workers on other machines, for example tcp://host:8786.
+        They see files under the same paths and have the same clutchid; needs the extra fleet.
     timeout
         Time in s that one recording may take; 0 for no limit.
     memory
@@ -103,6 +58,7 @@ class WorkerLimits:
     """
 
     workers: int = 1
+    scheduler: Annotated[str, Parameter(show_default=False)] = ""
     timeout: float = 600.0
     memory: Annotated[str, Parameter(show_default=False)] = ""
 
@@ -120,7 +76,6 @@ def fleet(
     out: OutOption,
     verb: Literal["fit", "observe", "track"] = "fit",
     pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = _ONE_PROCESS,
-    scheduler: Annotated[Scheduler, Parameter(name="*"), FLEET] = _NO_SCHEDULER,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
     files: FileOptions = USUAL_FILES,
@@ -156,7 +111,7 @@ def fleet(
     """
     from clutchid.fleets import verbs
 
-    shift, place = life_limit(limit), _place(pool, scheduler)
+    shift, place = life_limit(limit), _place(pool)
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry,
@@ -167,11 +122,11 @@ def fleet(
     return DONE if {"ok", "warning"} & {*run.statuses} else FAILED
 
 
-def _place(pool: WorkerLimits, where: Scheduler) -> Workers:
+def _place(pool: WorkerLimits) -> Workers:
     """Workers with their limits in SI."""
     from clutchid.fleets.cluster import Workers
 
-    return Workers(pool.workers, where.scheduler, _memory(pool.memory), _seconds(pool.timeout), where.tls())
+    return Workers(pool.workers, pool.scheduler, _memory(pool.memory), _seconds(pool.timeout))
 
 
 def _say(run: FleetRun, *, as_json: bool) -> None:

@@ -10,20 +10,18 @@ import asyncio
 import hashlib
 import logging
 import os
-import ssl
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import psutil
 
 from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
-from clutchid.files import plain_file
 from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
 from clutchid.version import installed_version
 
@@ -42,61 +40,23 @@ def version_and_source() -> dict[str, str]:
     return {"clutchid": installed_version(), "source": digest.hexdigest()[:16]}
 
 
-class Tls(NamedTuple):
-    """PEM files of a TLS connection: certificate authority, own certificate, and its key."""
-
-    authority: Path
-    certificate: Path
-    key: Path
-
-
-def security_of(address: str, tls: Tls | None) -> Security:
-    """Security of the connection to a scheduler: certificates, of Dask's configuration where none are given.
+def security_of(address: str) -> Security:
+    """Security of the connection to a scheduler, by Dask's configuration.
 
     Raises
     ------
-    DataError
-        If a file of certificates cannot be read.
     ParameterError
-        If the files are no certificate and key, or certificates and the scheme of the address do not fit.
+        If the address needs certificates, and the configuration has none.
     """
     from distributed.security import Security
 
-    secured = address.startswith("tls://")
-    if tls is None:
-        configured = Security()
-        if secured and not (configured.tls_ca_file and configured.tls_client_cert):
-            raise ParameterError(
-                f"--scheduler {address}: a connection by TLS needs certificates; give --tls-ca, --tls-cert and "
-                "--tls-key, or name the files in Dask's configuration (distributed.comm.tls)."
-            )
-        return configured
-    if not secured:
+    configured = Security()
+    if address.startswith("tls://") and not (configured.tls_ca_file and configured.tls_client_cert):
         raise ParameterError(
-            f"--scheduler {address}: is not secured by TLS, so --tls-ca, --tls-cert and --tls-key have no effect; its "
-            "address must be like tls://host:8786, or leave them out."
+            f"--scheduler {address}: a connection by TLS needs certificates; name their files in Dask's configuration "
+            "(distributed.comm.tls), see docs/commands/fleet.md."
         )
-    _check_certificates(tls)
-    authority, certificate, key = map(str, tls)
-    return Security(require_encryption=True, tls_ca_file=authority, tls_client_cert=certificate, tls_client_key=key)
-
-
-def _check_certificates(tls: Tls) -> None:
-    """Load the files once, as a fault in them would look like a scheduler that does not answer."""
-    for path in tls:
-        plain_file(path, "certificate")
-    context = ssl.create_default_context()
-    try:
-        context.load_verify_locations(tls.authority)
-    except ssl.SSLError as error:
-        raise ParameterError(f"--tls-ca {tls.authority}: is no certificate in PEM format ({error.reason}).") from error
-    try:
-        context.load_cert_chain(tls.certificate, tls.key, password="")
-    except ssl.SSLError as error:
-        raise ParameterError(
-            f"--tls-cert {tls.certificate}, --tls-key {tls.key}: are no certificate and its key, without a password, "
-            f"in PEM format ({error.reason})."
-        ) from error
+    return configured
 
 
 async def answered(address: str, security: Security, seconds: float) -> None:
@@ -164,15 +124,13 @@ class Workers:
     """Worker processes: on this machine, or those of the scheduler at an address.
 
     `memory` is that of one item in bytes; 0 for this machine's by the number of its processors, or for what the workers
-    of the scheduler have. `seconds` is what one item may take; 0 for no limit. `tls` has the files of certificates of a
-    scheduler at a tls:// address.
+    of the scheduler have. `seconds` is what one item may take; 0 for no limit.
     """
 
     workers: int = 1
     scheduler: str = ""
     memory: int = 0
     seconds: float = 0.0
-    tls: Tls | None = None
 
     def __post_init__(self) -> None:
         check_workers(self.workers)
@@ -233,7 +191,7 @@ def connected(workers: Workers) -> Iterator[Client]:
         "distributed.admin.tick.limit": "1h",
     }
     with _quiet(), dask.config.set(settings):
-        security = security_of(workers.scheduler, workers.tls)
+        security = security_of(workers.scheduler)
         try:
             asyncio.run(answered(workers.scheduler, security, ANSWER))
             client = distributed.Client(workers.scheduler, timeout=f"{ANSWER:g}s", security=security)
