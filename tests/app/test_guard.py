@@ -5,9 +5,8 @@ import re
 
 import pytest
 
-from clutchid.app.guard import CONTENT_POLICY, HEADERS, LOOPBACK, Access, names_of, warning_of
+from clutchid.app.guard import CONTENT_POLICY, HEADERS, Access
 from clutchid.app.server import application, bound
-from clutchid.errors import ParameterError
 
 #: Port of the server, see `Served`.
 PORT = 8123
@@ -108,58 +107,6 @@ def test_a_browser_runs_the_scripts_whatever_the_system_calls_them(idle):
     assert idle.ask("GET", "/static/main.js").headers["content-type"].startswith("text/javascript")
 
 
-@pytest.fixture
-def open_to_others(idle):
-    """The server as it is with `--host` 10.1.2.3, a machine called lab."""
-    names = names_of("10.1.2.3", "Lab")
-    idle.access = Access(PORT, names, idle.access.token, idle.access.cookie)
-    idle.app.access = idle.access
-    return idle
-
-
-@pytest.mark.parametrize("host", [f"10.1.2.3:{PORT}", f"lab:{PORT}"])
-@pytest.mark.parametrize("path", ["/", "/?token=", "/?token=wrong", "/api/events", "/api/tables/x", "/static/main.js"])
-def test_with_another_host_nothing_is_answered_without_the_token(open_to_others, host, path):
-    assert open_to_others.ask("GET", path, host=host, cookie=False).status == 403
-
-
-def test_with_another_host_the_token_opens_the_page_and_changes_need_the_same_origin(open_to_others):
-    host = f"10.1.2.3:{PORT}"
-    address = open_to_others.access.address
-    assert address == f"http://{host}/?token={open_to_others.access.token}"
-    opened = open_to_others.ask("GET", address.partition(host)[2], host=host, cookie=False)
-    assert (opened.status, "HttpOnly" in opened.headers["set-cookie"]) == (303, True)
-    assert open_to_others.ask("GET", "/", host=host).status == 200
-    assert open_to_others.ask(*CHANGE, host=host).status == 422
-    assert open_to_others.ask(*CHANGE, host=host, origin=f"http://127.0.0.1:{PORT}").status == 403
-    for other in (f"127.0.0.1:{PORT}", f"evil.example:{PORT}", "10.1.2.3"):
-        assert open_to_others.ask("GET", "/", host=other).status == 421
-
-
-def test_only_a_server_that_others_can_reach_warns():
-    assert warning_of("127.0.0.1", names_of("127.0.0.1", "localhost")) == ""
-    said = warning_of("10.1.2.3", names_of("10.1.2.3", "10.1.2.3"))
-    assert "other machines can reach this page, as 10.1.2.3. It asks everyone for the token" in said
-    assert "nothing is encrypted" in said
-    assert "other machines can reach this page" in warning_of("0.0.0.0", LOOPBACK)
-
-
-def test_all_addresses_are_those_of_this_machine_and_no_wildcard():
-    names = names_of("0.0.0.0", "0.0.0.0")
-    assert names[:2] == LOOPBACK
-    assert "0.0.0.0" not in names
-
-
-@pytest.mark.parametrize(
-    ("host", "address"), [("127.0.0.1", "127.0.0.1"), ("localhost", "127.0.0.1"), ("0.0.0.0", "0.0.0.0")]
-)
-def test_the_server_listens_where_it_is_told_and_on_this_machine_by_default(host, address):
-    for listener in (bound(0, host), *([bound(0)] if host == "127.0.0.1" else [])):
-        with listener:
-            assert listener.getsockname()[0] == address
-
-
-@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.name.invalid", "::1", "a" * 300])
-def test_a_host_that_is_not_this_machine_is_a_sentence(host):
-    with pytest.raises(ParameterError, match="is no name or IPv4 address of this machine"):
-        bound(0, host)
+def test_the_server_listens_on_this_machine_only():
+    with bound(0) as listener:
+        assert listener.getsockname()[0] == "127.0.0.1"

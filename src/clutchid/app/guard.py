@@ -43,45 +43,8 @@ _OURS = "x-clutchid"
 
 _SAFE = ("GET", "HEAD")
 
-#: A host at which a server listens on all networks of this machine.
-_EVERYWHERE = "0.0.0.0"
-
 #: Names under which only this machine reaches itself.
 LOOPBACK = ("127.0.0.1", "localhost")
-
-
-def names_of(address: str, host: str) -> tuple[str, ...]:
-    """Host names that requests may use to a server that listens at `address`, given as `host`; others are refused.
-
-    Examples
-    --------
-    >>> names_of("127.0.0.1", "localhost"), names_of("10.1.2.3", "Lab")
-    (('127.0.0.1', 'localhost'), ('10.1.2.3', 'lab'))
-    """
-    if address == LOOPBACK[0]:
-        return tuple(dict.fromkeys((*LOOPBACK, host.lower())))
-    if address != _EVERYWHERE:
-        return tuple(dict.fromkeys((address, host.lower())))
-    import socket
-
-    import psutil
-
-    several = psutil.net_if_addrs().values()
-    addresses = {address.address for interface in several for address in interface if address.family == socket.AF_INET}
-    return (*LOOPBACK, socket.gethostname().lower(), *sorted(addresses - {*LOOPBACK}))
-
-
-def warning_of(address: str, names: tuple[str, ...]) -> str:
-    """Warning that other machines can reach the server; empty where they cannot."""
-    if address == LOOPBACK[0]:
-        return ""
-    others = [name for name in names if name not in LOOPBACK]
-    return (
-        f"other machines can reach this page, as {', '.join(others)}. It asks everyone for the token, but nothing is "
-        "encrypted: who listens on the network reads the token and the recordings, and with the token everyone opens "
-        "files below --folder. Use it in a network where all are trusted; else leave --host out and forward the port "
-        "with ssh -L."
-    )
 
 
 def new_secret() -> str:
@@ -91,13 +54,9 @@ def new_secret() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Access to the server at a port: the token of the printed address, and the cookie that replaces it.
-
-    `names` are the host names that a request may use; the first is in the printed address.
-    """
+    """Access to the server at a port: the token of the printed address, and the cookie that replaces it."""
 
     port: int
-    names: tuple[str, ...] = LOOPBACK
     token: str = field(default_factory=new_secret)
     cookie: str = field(default_factory=new_secret)
 
@@ -109,12 +68,12 @@ class Access:
     @property
     def address(self) -> str:
         """The address that opens the page."""
-        return f"http://{self.names[0]}:{self.port}/?token={self.token}"
+        return f"http://{LOOPBACK[0]}:{self.port}/?token={self.token}"
 
     @property
     def hosts(self) -> tuple[str, ...]:
         """Host headers that are accepted."""
-        return tuple(f"{name}:{self.port}" for name in self.names)
+        return tuple(f"{name}:{self.port}" for name in LOOPBACK)
 
 
 class Guard:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import math
 import mimetypes
@@ -25,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 
 from clutchid.app.commands import METHOD_CHOICES, VERBS
 from clutchid.app.folder import end_folder, new_folder, opening_page
-from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard, names_of, warning_of
+from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
 from clutchid.app.records import Observation, Recording, Result, Table, download_name
 from clutchid.app.session import Session
 from clutchid.app.uploads import allowed_path, folder_listing, is_opened, is_table, receive_upload, upload_size
@@ -33,7 +32,6 @@ from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
-from clutchid.names import printable
 from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.saving import file_name
@@ -319,25 +317,20 @@ def _texts(body: dict[str, Any], *names: str) -> tuple[str, ...]:
     return tuple(read_record(str, body.get(name), name) for name in names)
 
 
-def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
-    """A socket, by default of this machine alone; port 0 takes any that is free.
+def bound(port: int) -> socket.socket:
+    """A socket that this machine alone reaches; port 0 takes any that is free.
 
     Raises
     ------
     ParameterError
-        If the port is in use or may not be used, or the host is no name or IPv4 address of this machine.
+        If the port is in use or may not be used.
     """
     listener = socket.socket(proto=socket.IPPROTO_TCP)  # known to asyncio as TCP, it sends small answers at once
     try:
-        listener.bind((host, port))
+        listener.bind((LOOPBACK[0], port))
         listener.listen(128)
-    except (OSError, OverflowError, UnicodeError) as error:
+    except (OSError, OverflowError) as error:
         listener.close()
-        if isinstance(error, socket.gaierror | UnicodeError) or getattr(error, "errno", 0) == errno.EADDRNOTAVAIL:
-            raise ParameterError(
-                f"--host {printable(host)}: is no name or IPv4 address of this machine; 0.0.0.0 is all of its "
-                "addresses."
-            ) from error
         reason = reason_of(error) if isinstance(error, OSError) else "no such port"
         raise ParameterError(
             f"--port {port}: cannot be used ({reason}); name another, or leave --port out for a free one."
@@ -347,8 +340,8 @@ def bound(port: int, host: str = LOOPBACK[0]) -> socket.socket:
 
 def serve(
     files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
-    *, port: int = 0, host: str = LOOPBACK[0], browser: bool = True, keep: bool = False,
-    trace: Callable[[str], None] = lambda _: None, warn: Callable[[str], None] = lambda _: None,
+    *, port: int = 0, browser: bool = True, keep: bool = False,
+    trace: Callable[[str], None] = lambda _: None,
 ) -> Path:  # fmt: skip
     """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
 
@@ -362,18 +355,15 @@ def serve(
         Called with the address once the page is there.
     trace
         Called with the traceback of an error in a job that nobody expected.
-    warn
-        Called before the address with what is to know where others than this machine can reach the server.
-    port, host
-        Of this machine; 0 for any port that is free. At another host than 127.0.0.1 other machines reach the server,
-        which asks them for the token too.
+    port
+        Of this machine; 0 for any that is free.
 
     Raises
     ------
     DataError
         If a file or the folder is not there.
     ParameterError, ExportError
-        If the port or the host cannot be used, or no folder can be made.
+        If the port cannot be used, or no folder can be made.
     """
     for path, option in ((below, "--folder"), *((file, "") for file in files)):
         not_an_address(path, option)
@@ -382,13 +372,10 @@ def serve(
     for file in files:
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
-    listener = bound(port, host)
+    listener = bound(port)
     folder = new_folder(base)
     try:
-        address, number = listener.getsockname()
-        access = Access(number, names_of(address, host))
-        if warning := warning_of(address, access.names):
-            warn(warning)
+        access = Access(listener.getsockname()[1])
 
         def begun() -> None:
             say(access.address)

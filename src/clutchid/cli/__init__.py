@@ -21,7 +21,6 @@ from cyclopts.exceptions import (
 
 from clutchid.cli.app import app as page
 from clutchid.cli.common import COMMON, DONE, FAILED, INTERRUPTED, complain
-from clutchid.cli.completion import register_completion
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.export import export
@@ -85,7 +84,6 @@ def app() -> App:
     for place, (command, _) in enumerate(_COMMANDS):
         usage = _usage(command.__name__)
         application.command(command, usage=usage, sort_key=place, default_parameter=lists)
-    register_completion(application)
     return application
 
 

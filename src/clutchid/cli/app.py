@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from clutchid.cli.common import DONE, OutputFlag, guarded, print_written
-from clutchid.documents.console import put, say
+from clutchid.documents.console import put
 from clutchid.errors import missing
 
 
@@ -18,7 +18,6 @@ from clutchid.errors import missing
 def app(
     *files: Path,
     port: int = 0,
-    host: str = "127.0.0.1",
     folder: Path = Path(),
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
     keep: OutputFlag = False,
@@ -34,9 +33,6 @@ def app(
         Recordings and calibrations (TOML) that are opened at once.
     port
         Port of this machine; by default a free one.
-    host
-        Address or name of this machine at which the page is served; by default only this machine reaches it. Another
-        one, or 0.0.0.0 for all, lets other machines ask, which need the token too; nothing is encrypted.
     folder
         Folder whose recordings can be opened by path, without a copy; by default the present one.
     browser
@@ -58,11 +54,9 @@ def app(
         cache_folder(),
         put,
         port=port,
-        host=host,
         browser=browser,
         keep=keep,
         trace=lambda text: put(text, to=sys.stderr) if debug else None,
-        warn=lambda text: say([text]),
     )
     if keep:
         print_written(base)
