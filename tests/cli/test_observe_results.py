@@ -54,21 +54,13 @@ def test_published_lines_have_the_numbers_of_the_files_bit_for_bit(observe, fold
     assert lines[lines.index(strokes[0]) - 1]["time [s]"] == strokes[0]["time [s]"]
 
 
-def test_fewer_samples_are_published_at_equal_times(observe, folder, piped):
-    code, said, _ = observe("-", "--publish", "-", "--publish-every", "20")
-    samples, strokes, _ = published(said)
-    assert code == 0
-    assert [line["time [s]"] for line in samples] == pytest.approx(np.arange(300) * 0.02)
-    assert strokes
-
-
 def test_faults_are_published_when_they_occur(observe, folder, monkeypatch, tmp_path):
     lines = (folder / "worn.csv").read_text().splitlines(keepends=True)
     del lines[3000]
     (tmp_path / "torn.csv").write_text("".join(lines))
     with (tmp_path / "torn.csv").open() as stream:
         monkeypatch.setattr("sys.stdin", stream)
-        _, said, _ = observe("-", "--publish", "-", "--publish-every", "1000")
+        _, said, _ = observe("-", "--publish", "-")
     faults = [line for line in published(said)[2] if "health" in line]
     assert [line["health"]["lost"] for line in faults] == pytest.approx([1e-3])
 
@@ -188,8 +180,6 @@ def test_one_reader_of_results_and_messages_that_stalls_holds_nothing_up(
         (["worn.csv", "--publish", "-"], "--publish -: is for a live recording; give - or can:CHANNEL"),
         (["-", "--publish", "can:can0"], 'Invalid value "can:can0" for --publish. Choose from: "-".'),
         (["-", "--publish", "-", "--json"], "leave one of them out"),
-        (["-", "--publish", "-", "--publish-every", "-1"], "--publish-every -1: a time in ms is at least 0"),
-        (["-", "--publish-every", "nan"], "--publish-every nan: a time in ms is at least 0"),
     ],
 )
 def test_options_that_do_not_go_together_are_said_in_a_sentence(observe, tmp_path, monkeypatch, options, words):

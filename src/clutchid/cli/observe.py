@@ -67,8 +67,6 @@ class ObserveOptions:
         default 0.03. It widens the bands of load and pressure.
     publish
         Results of a live recording while it goes on, as JSON lines on standard output.
-    publish_every
-        Time in ms from one published sample to the next; 0 publishes each.
     force
         Observe although a check of the recording is bad; the checks are those of `clutchid look`.
     json
@@ -87,7 +85,6 @@ class ObserveOptions:
     zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
     supply_std: Annotated[float | None, SEARCH] = None
     publish: Annotated[Literal["-"] | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
-    publish_every: Annotated[float, OUTPUT] = 0.0
     force: ForceFlag = False
     json: OutputFlag = False
     debug: OutputFlag = False
@@ -97,7 +94,7 @@ class ObserveOptions:
         """The files that are written, and whether results are published."""
         return Outputs(
             out=self.out, save=self.save, report=self.report, publish=self.publish is not None,
-            every=self.publish_every, command=typed(sys.argv[1:]),
+            command=typed(sys.argv[1:]),
         )  # fmt: skip
 
 

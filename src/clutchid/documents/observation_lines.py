@@ -12,10 +12,10 @@ from clutchid.documents.json_text import json_text
 from clutchid.log import FloatArray
 from clutchid.measurements.source import to_frame
 from clutchid.observer import ObservedRecording, StrokeRow
-from clutchid.observer.live import LiveRun, due
+from clutchid.observer.live import LiveRun
 
 
-def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, every: float) -> list[str]:
+def observe_lines(after: LiveRun, part: ObservedRecording) -> list[str]:
     """Lines of a block: its samples, its strokes behind the sample that ends them, and its faults if there are any.
 
     Each is a JSON object, null for what is not finite. A sample has the columns of `ObservedRecording.estimates` under
@@ -24,14 +24,11 @@ def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, ever
 
     Parameters
     ----------
-    before, after
-        The recording before and after the block.
-    every : s
-        Time from one published sample to the next; 0 publishes all.
+    after
+        The recording after the block.
     """
-    rows = np.flatnonzero(due(part.log.time, before.latest, every))
-    lines = _samples(part, rows)
-    ends = np.searchsorted(part.log.time[rows], [row.time for row in part.strokes], side="right")
+    lines = _samples(part)
+    ends = np.searchsorted(part.log.time, [row.time for row in part.strokes], side="right")
     for at, row in reversed(list(zip(ends.tolist(), part.strokes, strict=True))):
         lines.insert(at, _stroke(row))
     if any(part.health.values()):
@@ -39,9 +36,9 @@ def observe_lines(before: LiveRun, after: LiveRun, part: ObservedRecording, ever
     return lines
 
 
-def _samples(part: ObservedRecording, rows: np.ndarray) -> list[str]:
+def _samples(part: ObservedRecording) -> list[str]:
     frame = to_frame(part.estimates())
-    columns = [_known(frame[name].to_numpy()[rows]) for name in frame.columns]
+    columns = [_known(frame[name].to_numpy()) for name in frame.columns]
     return [json.dumps(dict(zip(frame.columns, values, strict=True))) for values in zip(*columns, strict=True)]
 
 

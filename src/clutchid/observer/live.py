@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from clutchid.log import BoolArray, FloatArray, Log, concatenated
+from clutchid.log import Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.configuration import Observer
 from clutchid.observer.following import Observed
@@ -33,9 +33,6 @@ CHECKED = 30.0
 
 #: Sentences about the clock of the recording that are kept.
 SENTENCES = 20
-
-#: Part of an interval by which a stamp may be rounded below the instant that it stands for.
-_ROUNDED = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,27 +122,6 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         supply=min(run.supply, part.supply, key=get_args(SupplyUse).index),
     )
     return (with_check_sentences(after) if last - after.begin >= CHECKED else after), part
-
-
-def due(time: FloatArray, latest: float, every: float) -> BoolArray:
-    """Mask of the samples that are published: the first in each interval of `every` seconds; all of them with 0.
-
-    It depends on the stamps only, not on how a recording is cut into blocks.
-
-    Parameters
-    ----------
-    time, latest : s
-        Of the samples of the block, and of the one before it (NaN: there is none).
-
-    Examples
-    --------
-    >>> due(np.array([0.0, 0.004, 0.008, 0.012, 0.02]), np.nan, 0.01)
-    array([ True, False, False,  True,  True])
-    """
-    if every == 0.0:
-        return np.ones(time.size, dtype=bool)
-    number = np.floor(np.append(latest if np.isfinite(latest) else -np.inf, time) / every + _ROUNDED)
-    return number[1:] > number[:-1]
 
 
 def with_check_sentences(run: LiveRun) -> LiveRun:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,8 +36,6 @@ class Outputs:
         State after the last sample, and page.
     publish
         Whether results are written on standard output as they arise.
-    every : ms
-        Time from one published sample to the next.
     command
         Command of the page.
     """
@@ -47,7 +44,6 @@ class Outputs:
     save: Path | None = None
     report: Path | None = None
     publish: bool = False
-    every: float = 0.0
     command: str = ""
 
     @property
@@ -72,8 +68,6 @@ class Outputs:
         """
         if self.publish and not is_live(log):
             raise ParameterError("--publish -: is for a live recording; give - or can:CHANNEL.")
-        if not 0.0 <= self.every < math.inf:
-            raise ParameterError(f"--publish-every {self.every:g}: a time in ms is at least 0, for example 20.")
         read: list[tuple[str, Path | None]] = [("the recording itself", log), ("the calibration", start)]
         read += [("the DBC of the recording", path) for path in files.dbc or ()]
         written = {"--out": self.out, "--out (load by stroke)": self.by_stroke, "--report": self.report}

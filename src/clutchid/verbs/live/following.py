@@ -130,7 +130,7 @@ def _observed(
     run, fault, saved, count = begin.run, "", time.monotonic(), 0
     said: frozenset[str] = frozenset()
     with (
-        published_lines(1e-3 * outputs.every, stopped) if outputs.publish else nullcontext() as publish,
+        published_lines(stopped) if outputs.publish else nullcontext() as publish,
         files.spooled(outputs.out) as add_samples,
         files.spooled(outputs.by_stroke) as add_strokes,
     ):
@@ -151,5 +151,5 @@ def _observed(
             if say_checks and new and say_unhurried(new):
                 said |= {*new}
             if publish:
-                publish(before, run, part)
+                publish(run, part)
     return with_check_sentences(run), fault, said

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 Stopped = Callable[[], bool]
 
-#: Takes the recording before a block, after it, and the block.
-Publish = Callable[["LiveRun", "LiveRun", "ObservedRecording"], None]
+#: Takes the recording after a block, and the block.
+Publish = Callable[["LiveRun", "ObservedRecording"], None]
 
 #: Time in s after which a reader of standard output that takes nothing is not waited for; the same once it is stopped,
 #: and where the reader had stalled and takes something again.
@@ -140,8 +140,8 @@ def say_unhurried(warnings: Iterable[str]) -> bool:
 
 
 @contextmanager
-def published_lines(every: float, stopped: Stopped) -> Iterator[Publish]:
-    """Function that writes the results of a block as JSON lines on standard output; a sample each `every` seconds.
+def published_lines(stopped: Stopped) -> Iterator[Publish]:
+    """Function that writes the results of a block as JSON lines on standard output.
 
     Where standard output is closed, full or fails, the recording goes on without it; where nobody reads it, what does
     not fit is left out until somebody does. Once `stopped`, nothing waits for a reader.
@@ -152,9 +152,9 @@ def published_lines(every: float, stopped: Stopped) -> Iterator[Publish]:
         send = _as_printed if out is None else _sender_to(out, stopped, _STALL)
         open_, stalled = True, False
 
-        def publish(before: LiveRun, after: LiveRun, part: ObservedRecording) -> None:
+        def publish(after: LiveRun, part: ObservedRecording) -> None:
             nonlocal open_, stalled
-            lines = observe_lines(before, after, part, every) if open_ else []
+            lines = observe_lines(after, part) if open_ else []
             if not lines:
                 return
             earlier = stalled
