@@ -1,7 +1,6 @@
 /*
  * Steps an FMU in a DLL: loader DLL VERSION TOKEN INPUTS REFERENCE... on Windows. The first INPUTS references are inputs,
  * whose values are read from standard input, a line a step of 1 ms; values of the others are printed after it, exactly.
- * A reference such as @1F00 is the double at that address from where the library is loaded.
  */
 #include <stdbool.h>
 #include <stdio.h>
@@ -43,7 +42,6 @@ int main(int argc, char *argv[])
     const size_t inputs = strtoul(argv[4], NULL, 10);
     const size_t outputs = (size_t)argc - 5u - inputs;
     unsigned vr[most];
-    bool at_address[most];
     double values[most];
     void *c = NULL;
     int status = 0;
@@ -53,8 +51,7 @@ int main(int argc, char *argv[])
         return 2;
     }
     for (int i = 5; i < argc; i++) {
-        at_address[i - 5] = argv[i][0] == '@';
-        vr[i - 5] = (unsigned)strtoul(&argv[i][at_address[i - 5]], NULL, at_address[i - 5] ? 16 : 10);
+        vr[i - 5] = (unsigned)strtoul(argv[i], NULL, 10);
     }
     if (two) {
         c = ((void *(*)(const char *, int, const char *, const char *, const void *, int, int))function(version,
@@ -85,11 +82,7 @@ int main(int argc, char *argv[])
                 c, time, 1e-3, true, &answers[0], &answers[1], &answers[2], &last);
         }
         for (size_t i = 0u; i < outputs; i++) {
-            if (at_address[inputs + i]) {
-                values[i] = *(const double *)((const char *)library + vr[inputs + i]);
-            } else {
-                status |= exchange(version, two ? "GetReal" : "GetFloat64", c, &vr[inputs + i], 1u, &values[i]);
-            }
+            status |= exchange(version, two ? "GetReal" : "GetFloat64", c, &vr[inputs + i], 1u, &values[i]);
             (void)printf("%a ", values[i]);
         }
         (void)printf("\n");

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from clutchid.exports.a2l import a2l, unit_of, xcp_template
+from clutchid.exports.a2l import a2l, unit_of
 from clutchid.exports.c99 import CStyle
 from clutchid.model import Actuator
 from clutchid.observer import observer
@@ -220,25 +220,6 @@ def test_a2ltool_finds_no_problem(exported: Exported, tmp_path: Path) -> None:
     process = run_a2ltool("--strict", "--check", file)
     assert process.returncode == 0
     assert "No problems found" in process.stdout
-
-
-@a2ltool
-def test_the_template_of_the_connection_is_accepted_where_it_is_included(exported: Exported, tmp_path: Path) -> None:
-    template = xcp_template(exported.observer, exported.style)
-    events = re.findall(r'/begin EVENT\s+"release_(\w+)" "\1"\s+(0x0\d+) DAQ 0xFF\s+(0x\w+) (0x\w+)', template)
-    tasks = [("fast", "0x0000", "0x01", "0x06"), ("slow", "0x0001", "0x00", "0x06")]
-    assert events == tasks[: 1 + (exported.style.rates == "two")]
-    (tmp_path / "release_xcp.a2l").write_text(template)
-    file = tmp_path / "release.a2l"
-    include = '/include "release_xcp.a2l"'
-    assert f"/* {include} */" in exported.text
-    file.write_text(exported.text.replace(f"/* {include} */", include))
-    checked = run_a2ltool("--strict", "--check", file)
-    assert checked.returncode == 0
-    assert "No problems found" in checked.stdout
-    merged = run_a2ltool("--strict", "--merge-includes", "--output", tmp_path / "merged.a2l", file)
-    assert merged.returncode == 0
-    assert "/begin EVENT" in (tmp_path / "merged.a2l").read_text()
 
 
 SPOILERS: dict[str, Callable[[str], str]] = {

@@ -26,7 +26,7 @@ from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
 from clutchid.exports import fmu
 from clutchid.exports.c99 import CStyle, observer_c99
-from clutchid.exports.fmu import XCP, missing_parts, model_fmu, observer_fmu, platforms
+from clutchid.exports.fmu import missing_parts, model_fmu, observer_fmu, platforms
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import Log
 from clutchid.model import Actuator
@@ -34,7 +34,6 @@ from clutchid.model.equipment import Equipment
 from clutchid.model.own import OwnModel, OwnParameter, OwnState
 from clutchid.observer import observer, start
 from clutchid.simulation import simulate
-from fixtures.a2l import addresses
 from fixtures.programs import path_of, tried
 
 pytestmark = pytest.mark.slow
@@ -196,11 +195,9 @@ def modules(plant: Actuator) -> dict[str, CSource]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _programs_that_work():
-    """FMUs are built without a compiler or an a2ltool that does not work, as without any."""
+    """FMUs are built without a compiler that does not work, as without any."""
     with pytest.MonkeyPatch.context() as patched:
-        for name, program in (("compiler", "cc"), ("a2ltool", "a2ltool")):
-            path = tried(program).path or None
-            patched.setattr(fmu, name, lambda path=path: path)
+        patched.setattr(fmu, "compiler", lambda: tried("cc").path or None)
         yield
 
 
@@ -213,7 +210,7 @@ def made(plant: Actuator, modules: dict[str, CSource], tmp_path_factory: pytest.
         observing = observer(plant)
         observed = part == "observer"
         content = (
-            observer_fmu(observing, start(observing), STYLE, modules, "a test", version).content
+            observer_fmu(observing, start(observing), STYLE, modules, version).content
             if observed
             else model_fmu(plant, version=version).content
         )
@@ -376,7 +373,7 @@ def test_a_compiler_that_fails_is_an_error_with_its_words(plant, modules, made):
     estimator = observer(plant)
     broken = {**modules, "clutch": replace(modules["clutch"], source="int x = unknown_name;\n")}
     with pytest.raises(ExportError, match="unknown_name"):
-        observer_fmu(estimator, start(estimator), STYLE, broken, "a test")
+        observer_fmu(estimator, start(estimator), STYLE, broken)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the stand-in for ziglang is a script")
@@ -607,11 +604,6 @@ def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, input
     used, n = given(runs, inputs), 2000
     names = ["position", "velocity", "pressure_a", "load"]
     numbers = [str(runs.variables[name].place) for name in (*used, *names)]
-    measured = [*runs.folder.glob("extra/*/*win*/*.a2l")]
-    if measured:
-        names += ["pressure_a", "velocity"]
-        of_platform = addresses(measured[0].read_text())
-        numbers += [f"@{of_platform[f'{runs.name}.{name}']:X}" for name in names[4:]]
     samples = "\n".join(" ".join(float(values[k]).hex() for values in used.values()) for k in range(n))
     process = subprocess.run(
         [path_of("wine64"), loader, library, str(runs.version), runs.token, str(len(used)), *numbers],
@@ -623,101 +615,3 @@ def test_the_library_for_windows_gives_the_numbers_of_that_for_linux(runs, input
     assert on_windows.shape == on_linux.shape
     for value, expected in zip(on_windows.T, on_linux.T, strict=True):  # the C libraries differ in the last bit
         np.testing.assert_allclose(value, expected, rtol=0, atol=1e-12 * np.nanmax(np.abs(expected)))
-
-
-@pytest.fixture
-def measured(observing: Exported) -> Exported:
-    """Those with an A2L of their binary for this machine."""
-    path_of("a2ltool")
-    return observing
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Numbers in the memory of an FMU's library, by their names in its A2L."""
-
-    exported: Exported
-
-    @property
-    def places(self) -> Mapping[str, int]:
-        """Addresses in this process."""
-        library = next((self.exported.folder / "binaries").glob("*linux*/*.so"))
-        maps = (line.split() for line in Path("/proc/self/maps").read_text().splitlines())
-        base = min(int(line[0].split("-")[0], 16) for line in maps if line[-1] == str(library))
-        file = self.exported.folder / XCP / library.parent.name / f"{self.exported.name}.a2l"
-        return {name.partition(".")[2]: base + at for name, at in addresses(file.read_text()).items()}
-
-    def number(self, name: str, kind: type[ctypes._SimpleCData] = ctypes.c_double) -> ctypes._SimpleCData:
-        return kind.from_address(self.places[name])
-
-    def curve(self, name: str, size: int) -> np.ndarray:
-        return np.array((ctypes.c_double * size).from_address(self.places[name]))
-
-
-def test_the_manifest_names_an_a2l_of_the_sources_and_of_every_binary(made):
-    for version in (2, 3):
-        exported = made("observer", version)
-        manifest = ElementTree.parse(exported.folder / XCP / "fmi-ls-manifest.xml").getroot()
-        space = "{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-"
-        assert manifest.attrib[f"{space}name"] == "org.fmi-standard.fmi-ls-xcp" == Path(XCP).name
-        assert manifest.attrib[f"{space}version"] == "1.0.0"
-        (interface,) = manifest.findall("Interface")
-        assert interface.attrib["supportsDirectMemoryAccess"] == "true"
-        where = {str(file.parent) for file in (exported.folder / XCP).rglob(interface.attrib["definition"])}
-        platforms_of = {"", *platforms(exported.content)} if fmu.a2ltool() else {""}
-        assert where == {str(exported.folder / XCP / platform) for platform in platforms_of}
-        assert "documentation/fmi-ls-xcp.txt" in zipfile.ZipFile(io.BytesIO(exported.content)).namelist()
-        assert not (made("model", version).folder / "extra").exists()
-
-
-def test_a_tool_reads_the_results_at_the_addresses_of_the_a2l(measured, inputs, plant):
-    instance, memory = measured.instance().begin(), Memory(measured)
-    instance.follow(inputs, ["load"], 0, 1500)
-    reals = [name for name, output in OUTPUTS.items() if output.unit]
-    np.testing.assert_array_equal([memory.number(name).value for name in reals], instance.get(reals))
-    counts = [name for name, output in OUTPUTS.items() if not output.unit]
-    assert [memory.number(name, ctypes.c_uint32).value for name in counts] == instance.get(counts)
-    grid = plant.load.breakpoints
-    np.testing.assert_array_equal(memory.curve("load_position", grid.size), grid)
-    parts = {"load": "load_force", "load_low": "load_low", "load_high": "load_high"}
-    for sample in range(1500, 1500 + grid.size):  # one point of the curve is renewed a sample
-        instance.follow(inputs, ["load"], sample, sample + 1)
-        point = sample % grid.size
-        assert instance.put({"load_position": grid[point]}) == 0
-        assert [memory.curve(name, grid.size)[point] for name in parts.values()] == instance.get(list(parts))
-    epk = (ctypes.c_char * 80).from_address(memory.places["epk"]).value.decode()
-    assert f'EPK "{epk}"' in next((measured.folder / XCP).glob("*linux*/*.a2l")).read_text()
-
-
-def test_a_value_that_a_tool_writes_acts_from_the_next_correction_and_outlives_a_reset(measured, inputs):
-    names = ["load", "pressure_a", "position"]
-
-    def run(first: float | None, between: float | None) -> np.ndarray:
-        viscosity = Memory(measured).number("D_v")
-        instance, usual = measured.instance(), viscosity.value
-        assert usual > 0.0
-        viscosity.value = usual * (first or 1.0)
-        before = instance.begin().follow(inputs, names, 0, 500)
-        viscosity.value = usual * (between or first or 1.0)
-        after = instance.follow(inputs, names, 500, 2500)
-        assert instance.call("Reset") == 0
-        assert viscosity.value == usual * (between or first or 1.0)
-        viscosity.value = usual
-        return np.concatenate((before, after))
-
-    usual, from_the_start, halfway = run(None, None), run(1.5, None), run(None, 1.5)
-    assert np.isfinite(usual[:, 0]).all()
-    np.testing.assert_array_equal(halfway[:500], usual[:500])
-    assert np.abs(halfway[-1, 0] / usual[-1, 0] - 1.0) > 0.01
-    assert np.abs(from_the_start[-1, 0] / usual[-1, 0] - 1.0) > 0.01
-    np.testing.assert_array_equal(run(None, None), usual)
-
-
-def test_without_a2ltool_the_a2l_has_no_addresses_and_a_note_says_so(monkeypatch, plant, modules):
-    monkeypatch.setattr(fmu, "a2ltool", lambda: None)
-    observing = observer(plant)
-    exported = observer_fmu(observing, start(observing), STYLE, modules, "a test")
-    content, notes = exported.content, missing_parts("fmu/clutch.fmu", exported)
-    assert not platforms(content) or any("a2ltool, which finds them, is not installed" in note for note in notes)
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        assert [name for name in archive.namelist() if name.endswith(".a2l")] == [f"{XCP}/clutch.a2l"]

@@ -66,7 +66,7 @@ _UNITS = {
 }
 
 
-def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> str:
+def a2l(observer: Observer, style: CStyle, title: str) -> str:
     """ASAP2 1.71 of an observer in C, in ASCII, with addresses of 0 and symbols that a tool finds in an ELF file.
 
     Measured are the variables ``NAME_observer``, ``NAME_output``, ``NAME_load_force``, ``NAME_load_low`` and
@@ -78,8 +78,6 @@ def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> 
     ----------
     title
         What the observer was made from.
-    fmu
-        Whether these are the elements of ``NAME_xcp`` in an FMU, in place of variables of an application.
     """
     joint, real = observer.joint, {"float": "FLOAT32_IEEE", "double": "FLOAT64_IEEE"}[style.real]
     measured = [*_outputs(observer, real), *_flags(), *_adapted(joint, real)]
@@ -89,7 +87,6 @@ def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> 
     text = template("asap2.a2l.j2", "clutchid.exports").render(
         name=style.name,
         title=" ".join(title.split()),
-        fmu=fmu,
         real=style.real,
         type=real,
         number=lambda value: f"{value:.10g}",
@@ -101,18 +98,6 @@ def a2l(observer: Observer, style: CStyle, title: str, *, fmu: bool = False) -> 
         units=[unit for unit in units if unit not in (_COUNT, FLAG, TRUST)],
     )
     return _ascii(text)
-
-
-def xcp_template(observer: Observer, style: CStyle) -> str:
-    """IF_DATA XCP for the A2L of an export, with the events of its tasks; transport and layer are the project's."""
-    cycle, unit = round(observer.spacing * 1e6), 3
-    while unit < 6 and cycle % 10 == 0:
-        cycle, unit = cycle // 10, unit + 1
-    events = [{"name": f"{style.name}_fast", "short": "fast", "cycle": cycle, "unit": unit}]
-    if style.rates == "two":
-        events.append({"name": f"{style.name}_slow", "short": "slow", "cycle": 0, "unit": unit})
-    values = {"name": style.name, "provenance": provenance(observer), "events": events}
-    return _ascii(template("xcp.a2l.j2", "clutchid.exports").render(values))
 
 
 def _ascii(text: str) -> str:

@@ -9,7 +9,7 @@ from typing import Literal
 
 from clutchid.codegen.templates import template
 from clutchid.errors import DataError, ParameterError
-from clutchid.exports.a2l import a2l, xcp_template
+from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
 from clutchid.exports.data import provenance
 from clutchid.exports.fmu import FMUS, Fmu, missing_parts, model_fmu, observer_fmu
@@ -160,7 +160,7 @@ def write_export(
     fmus: dict[str, Fmu] = {}
     for version, suffix in FMUS.items():
         if f"fmu{version}" in to:
-            fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, title, version)
+            fmus[f"{style.name}{suffix}"] = observer_fmu(observer, state, style, modules, version)
             if model:
                 name = f"{style.name}_model"
                 fmus[f"{name}{suffix}"] = model_fmu(observer.actuator, name, version)
@@ -170,7 +170,6 @@ def write_export(
         files |= {f"matlab/{name}": text for name, text in matlab_files(style).items()}
     if "a2l" in to:
         files[f"a2l/{style.name}.a2l"] = a2l(observer, style, title)
-        files[f"a2l/{style.name}_xcp.a2l"] = xcp_template(observer, style)
     if "dbc" in to:
         files[f"dbc/{style.name}.dbc"] = results_dbc()
     head = provenance(observer).head

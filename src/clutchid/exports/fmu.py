@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
-import re
-import shutil
 import subprocess
 import sys
 import uuid
@@ -26,7 +23,6 @@ from clutchid.codegen.c99 import CSource, c99_source
 from clutchid.codegen.language import C_DOUBLE
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError, install_command
-from clutchid.exports.a2l import a2l
 from clutchid.exports.c99 import CStyle, compiler, source_files, state_notes
 from clutchid.exports.data import carrier_us
 from clutchid.exports.outputs import OUTPUTS
@@ -61,13 +57,10 @@ _LOAD_POSITION = 8.5e-3
 #: Date of every file in an FMU: the same calibration gives the same bytes.
 DATE = (1980, 1, 1, 0, 0, 0)
 
-_FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+_FLAGS_OF_COMPILER = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-s")
 
 #: Longest line of a compiler in a note.
 _LONGEST_CAUSE = 160
-
-#: Folder of what FMI-LS-XCP 1.0 wants: a manifest, and an A2L of the sources and of each binary.
-XCP = "extra/org.fmi-standard.fmi-ls-xcp"
 
 #: Versions of FMI, and what they add to the name of a file.
 FMUS: Mapping[Version, str] = MappingProxyType({2: "", 3: "_fmi3"})
@@ -133,15 +126,13 @@ def observer_fmu(
     state: ObserverState,
     style: CStyle,
     modules: Mapping[str, CSource],
-    title: str,
     version: Version = 2,
 ) -> Fmu:
     """An observer as an FMU.
 
     It takes a sample every `Observer.spacing` s, the first one at the start, with the inputs at the beginning of a
     step; its outputs are those of the last sample. A longer step is refused: inputs that are held for longer than a
-    sample make the load wrong. Parameters that adapt may begin elsewhere (``start.NAME``). An A2L lets an external XCP
-    service measure and calibrate it as a control unit (FMI-LS-XCP 1.0).
+    sample make the load wrong. Parameters that adapt may begin elsewhere (``start.NAME``).
 
     Parameters
     ----------
@@ -149,8 +140,6 @@ def observer_fmu(
         What is known of the parameters that adapt at the start.
     modules
         The observer in C, as `clutchid.exports.c99.observer_c99` makes it with this state and style.
-    title
-        What the observer was made from.
     version
         Of FMI: 2 for 2.0; 3 for 3.0, where the weights of the load are an array, and the load is given as a curve too.
 
@@ -176,8 +165,7 @@ def observer_fmu(
         "failure": "",
     }
     variables, equipment = _of_observer(observer, state, version), observer.actuator.equipment
-    text = a2l(observer, style, title, fmu=True)
-    return _fmu("observer", version, style.name, variables, equipment, modules, values, text)
+    return _fmu("observer", version, style.name, variables, equipment, modules, values)
 
 
 def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) -> Fmu:
@@ -231,7 +219,7 @@ def platforms(fmu: bytes) -> tuple[str, ...]:
 
 
 def missing_parts(file: str, fmu: Fmu) -> tuple[str, ...]:
-    """A sentence for each binary that an FMU, written to a file, could have and lacks, and for addresses of its A2L."""
+    """A sentence for each binary that an FMU, written to a file, could have and lacks."""
     present = set(platforms(fmu.content))
     absent = f"is not installed: {install_command('export')}"
     failed = f"fails: {fmu.windows_failure}" if fmu.windows_failure else absent
@@ -239,12 +227,7 @@ def missing_parts(file: str, fmu: Fmu) -> tuple[str, ...]:
         (_LINUX, "for 64-bit Linux: there is no C compiler for it on this machine"),
         (_WINDOWS, f"for 64-bit Windows: ziglang, which compiles it, {failed}"),
     )
-    notes = tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
-    with zipfile.ZipFile(io.BytesIO(fmu.content)) as archive:
-        a2ls = sum(name.endswith(".a2l") for name in archive.namelist())
-    if present and a2ls == 1:
-        notes += (f"The A2L in {file} has no addresses: a2ltool, which finds them, {absent}.",)
-    return notes
+    return tuple(f"{file} has no binary {reason}." for names, reason in reasons if present.isdisjoint(names.values()))
 
 
 def _of_observer(observer: Observer, state: ObserverState, version: Version) -> list[Variable]:
@@ -387,9 +370,8 @@ def _fmu(
     equipment: Equipment,
     modules: Mapping[str, CSource],
     values: Mapping[str, Any],
-    described_for_xcp: str = "",
 ) -> Fmu:
-    """An FMU of variables and the C modules that its wrapper calls, with an A2L if there is one."""
+    """An FMU of variables and the C modules that its wrapper calls."""
     if version == 3:
         variables = [Variable("time", "time of the last communication point", "independent", "s"), *variables]
     kinds: tuple[Kind, ...] = ("Real", "Integer", "Boolean")
@@ -408,7 +390,6 @@ def _fmu(
             list(rows) for _, rows in groupby(in_order, lambda v: (v.array if version == 3 else None) or v.name)
         ],
         "duties": _duties_in_c(equipment),
-        "folder": XCP,
         "units": {unit: _base_units(unit) for unit in units},
         "files": [wrapper, *(file for file in sources if file.endswith(".c"))],
     }
@@ -416,9 +397,7 @@ def _fmu(
         "modelDescription.xml": f"modelDescription{version}.xml.j2",
         f"sources/{wrapper}": f"fmu_{part}.c.j2",
         **({"sources/buildDescription.xml": "buildDescription.xml.j2"} if version == 3 else {}),
-        **({f"{XCP}/fmi-ls-manifest.xml": "fmi-ls-manifest.xml.j2", "documentation/fmi-ls-xcp.txt": "fmi-ls-xcp.txt.j2"}
-           if described_for_xcp else {}),
-    }  # fmt: skip
+    }
 
     def texts(guid: str) -> dict[str, str]:
         made = {file: template(of, "clutchid.exports").render(filled, guid=guid) for file, of in described.items()}
@@ -426,9 +405,7 @@ def _fmu(
 
     files = {file: text.encode() for file, text in texts(_guid(texts("").values())).items()}
     in_c = {Path(file).name: text for file, text in files.items() if file.endswith((".c", ".h"))}
-    if described_for_xcp:
-        files[f"{XCP}/{name}.a2l"] = described_for_xcp.encode()
-    binaries, failure = _binaries(name, version, in_c, described_for_xcp)
+    binaries, failure = _binaries(name, version, in_c)
     return Fmu(_zipped(files | binaries), failure)
 
 
@@ -454,52 +431,37 @@ def _zipped(files: Mapping[str, bytes]) -> bytes:
     return content.getvalue()
 
 
-class _Build(NamedTuple):
-    """A library, its compiler, and the option that leaves names out and moves nothing in memory."""
-
-    library: str
-    command: tuple[str, ...]
-    nameless: str
-
-
-def _builds(name: str, version: Version) -> Iterator[_Build]:
-    """For Linux where this machine can compile it, for Windows by ziglang, which would link other parts with -s."""
+def _builds(name: str, version: Version) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Libraries and their compilers: for Linux where this machine can compile it, for Windows by ziglang."""
     cc = compiler()
     if cc is not None and is_linux64():
-        yield _Build(f"{_LINUX[version]}/{name}.so", (cc,), "-s")
+        yield f"{_LINUX[version]}/{name}.so", (cc,)
     if find_spec("ziglang"):
         zig = (sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu")
-        yield _Build(f"{_WINDOWS[version]}/{name}.dll", zig, "-g0")
+        yield f"{_WINDOWS[version]}/{name}.dll", zig
 
 
-def _binaries(name: str, version: Version, sources: Mapping[str, bytes], xcp: str) -> tuple[dict[str, bytes], str]:
-    """Shared libraries of sources by name, and for each an A2L with addresses, if there is an A2L and a2ltool.
+def _binaries(name: str, version: Version, sources: Mapping[str, bytes]) -> tuple[dict[str, bytes], str]:
+    """Shared libraries of sources by name.
 
     A second text says why the library for Windows, which is of use to others only, could not be made.
 
     Raises
     ------
     ExportError
-        If the compiler of this machine, or a2ltool with its library, fails.
+        If the compiler of this machine fails.
     """
-    header, tool = f"fmi{version}Functions.h", a2ltool() if xcp else None
+    header = f"fmi{version}Functions.h"
     texts = {**sources, header: template(f"{header}.j2", "clutchid.exports").render().encode()}
     flags = (*_FLAGS_OF_COMPILER, f"-DFMI{version}_OVERRIDE_FUNCTION_PREFIX")
     files: dict[str, bytes] = {}
-    for build in _builds(name, version):
-        with TemporaryDirectory() as folder:
-            library = Path(folder) / Path(build.library).name
-            try:
-                _compile([*build.command, *flags, build.nameless], texts, library)
-                built = {f"binaries/{build.library}": _without_pdb(library.read_bytes())}
-                if tool:
-                    _compile([*build.command, *flags, "-gdwarf-4"], texts, library)
-                    built[f"{XCP}/{Path(build.library).with_suffix('.a2l')}"] = _addressed(tool, xcp, library).encode()
-            except ExportError as error:
-                if library.suffix != ".dll":
-                    raise
-                return files, _cause(str(error))
-            files |= built
+    for file, command in _builds(name, version):
+        try:
+            files[f"binaries/{file}"] = _compiled([*command, *flags], texts, Path(file).name)
+        except ExportError as error:
+            if not file.endswith(".dll"):
+                raise
+            return files, _cause(str(error))
     return files, ""
 
 
@@ -509,44 +471,13 @@ def _cause(output: str) -> str:
     return shortened(next((line for line in lines if "error:" in line.casefold()), lines[-1]), _LONGEST_CAUSE)
 
 
-def _compile(command: Sequence[str], texts: Mapping[str, bytes], library: Path) -> None:
-    """Write the sources beside a library, and compile it."""
-    for file, text in texts.items():
-        (library.parent / file).write_bytes(text)
-    _run([*command, "-o", library.name, *sorted(file for file in texts if file.endswith(".c")), "-lm"], library.parent)
-
-
-def _without_pdb(library: bytes) -> bytes:
-    """A library without identity and date of its PDB, if it has one: they depend on the folder where it was linked."""
-    if library[:2] != b"MZ":
-        return library
-    content, codeview = bytearray(library), library.index(b"RSDS")
-    date = int.from_bytes(library[60:64], "little") + 8
-    entries = slice(codeview - 56, codeview)
-    content[entries] = content[entries].replace(library[date : date + 4], bytes(4))
-    content[date : date + 4] = bytes(4)
-    content[codeview + 4 : codeview + 24] = bytes(20)
-    return bytes(content)
-
-
-def _addressed(tool: str, text: str, library: Path) -> str:
-    """An A2L with addresses from where a library is loaded; that for Windows is linked to 0x180000000."""
-    (library.parent / "symbols.a2l").write_text(text, encoding="ascii")
-    update = ("--update", "ADDRESSES", "--update-mode", "STRICT", "--elffile", library.name)
-    _run([tool, "symbols.a2l", "--strict", *update, "--output", "addresses.a2l"], library.parent)
-    filled = (library.parent / "addresses.a2l").read_text(encoding="ascii")
-    if library.suffix == ".dll":
-        filled = re.sub(r"\b0x8([0-9A-F]{7})\b", lambda at: f"0x{int(at[1], 16):X}", filled)
-    epk = re.search(r"\.epk .* ASCII (0x\w+)", filled)
-    return filled.replace("ADDR_EPK 0x0", f"ADDR_EPK {epk[1]}") if epk else filled
-
-
-def _run(command: Sequence[str], folder: Path) -> None:
-    run = subprocess.run(command, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False)
-    if run.returncode:
-        raise ExportError(f"{command[0]} fails with the FMU:\n{(run.stderr or run.stdout).strip()}")
-
-
-def a2ltool() -> str | None:
-    """Path of a2ltool, of this environment or of the system."""
-    return shutil.which("a2ltool", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
+def _compiled(command: Sequence[str], texts: Mapping[str, bytes], name: str) -> bytes:
+    """A library of sources."""
+    with TemporaryDirectory() as folder:
+        for file, text in texts.items():
+            (Path(folder) / file).write_bytes(text)
+        whole = [*command, "-o", name, *sorted(file for file in texts if file.endswith(".c")), "-lm"]
+        run = subprocess.run(whole, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", check=False)
+        if run.returncode:
+            raise ExportError(f"{command[0]} fails with the FMU:\n{(run.stderr or run.stdout).strip()}")
+        return (Path(folder) / name).read_bytes()
