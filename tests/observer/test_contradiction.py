@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from clutchid.codegen.kernels import kernels_in
-from clutchid.observer.contradiction import CONTRADICTED, LARGEST_EXCESS, LEARNING
+from clutchid.observer.contradiction import CONTRADICTED, LEARNING
+from clutchid.strokes.stroke import QUICKEST
 
 EVERY = 0.01
 
@@ -30,6 +31,14 @@ def test_what_is_learnt_from_outliers_contradicts_after_a_time_that_does_not_dep
     assert times == pytest.approx([CONTRADICTED / (9.0 - LEARNING)] * 3, abs=1e-2)
 
 
-def test_one_spike_however_large_is_no_contradiction():
-    assert EVERY * LARGEST_EXCESS < 0.3 * CONTRADICTED
-    assert time_to_contradiction([1e6, *np.zeros(20), 1e6, *np.zeros(20)], learns=True) == np.inf
+def test_a_fault_contradicts_after_four_corrections_that_is_within_half_of_the_quickest_stroke():
+    """Three outliers in a row, which white noise has with a probability of 6e-5 to the third, contradict nothing."""
+    far = [1e6, 1e6, 1e6]
+    assert time_to_contradiction([*far, *np.zeros(20), *far, *np.zeros(20)], learns=True) == np.inf
+    assert time_to_contradiction([*far, 1e6], learns=True) == pytest.approx(4 * EVERY)
+    assert 4 * EVERY <= QUICKEST / 2
+
+
+def test_the_excess_of_a_sound_recording_is_at_most_a_third_of_a_contradiction():
+    """On 45 recordings of nine trucks it was at most 0.09 s: benchmarks/results/contradictions.md."""
+    assert 3 * 0.09 < CONTRADICTED
