@@ -14,6 +14,7 @@ from clutchid.measurements.formats.csv.cells import nanoseconds
 from clutchid.measurements.formats.csv.cells import written as in_iso
 from clutchid.measurements.formats.csv.file import open_file
 from clutchid.measurements.grids import with_own_grids
+from fixtures.cases import cases, table
 from fixtures.sources import everything
 
 pytestmark = pytest.mark.slow
@@ -25,135 +26,42 @@ def read(path, rows=None):
     return source, tables, [column.tolist() for column in columns]
 
 
-def names(source):
-    return [(column.name, column.unit) for column in source.rasters[0].headings]
+def heading(column):
+    return f"{column.name or '-'} [{column.unit or '-'}]"
 
 
-@pytest.mark.parametrize(
-    ("text", "dialect"),
-    [
-        ("a   b\n0.5   1\n  2 3 \n", "blanks, decimal point"),
-        ("a  b\n0,5 \t1\n2   3\n", "blanks, decimal comma"),
-        ('a,b\n"0,5","1"\n"2","3"\n', "comma, decimal comma"),
-        ('"a";"b"\n"0.5";"1"\n2;3\n', "semicolon, decimal point"),
-        ("a;b\n0,5e0;1\n2;3\n", "semicolon, decimal comma"),
-        ("a;b;\n0.5;1;\n2;3;\n", "semicolon, decimal point"),
-        ("a;b\n0.5;1;\n2;3;\n", "semicolon, decimal point"),
-        ("a;b;\n0.5;1\n2;3\n", "semicolon, decimal point"),
-    ],
-)
-def test_separator_and_decimal_mark_are_told_by_the_cells(save, parser, text, dialect):
-    source, tables, columns = read(save(text))
-    assert dialect in source.metadata["dialect"]
-    assert columns[:2] == [[0.5, 2], [1, 3]]
-    assert [heading.text for heading in source.rasters[0].headings][:2] == ["a", "b"]
-    assert tables[0].problems == ()
+@pytest.mark.parametrize("table", cases(__file__, "csv_tables"))
+def test_a_table_is_read_as_its_content_tells(save, parser, table):
+    source, tables, columns = read(save(table["text"]))
+    (raster,), (samples, *_) = source.rasters, tables
+    seen = {
+        "texts": [column.text for column in raster.headings],
+        "headings": [heading(column) for column in raster.headings],
+        "first": samples.places.number(0),
+        "clock": raster.clock,
+    }
+    for name in seen.keys() & table.keys():
+        values = seen[name][: len(table[name])] if isinstance(table[name], list) else seen[name]
+        assert values == table[name], name
+    for i, values in enumerate(table.get("columns", ())):
+        np.testing.assert_array_equal(columns[i], values)
+    sentences = {
+        "dialect": source.metadata["dialect"], "unnamed": source.unnamed, "warning": "".join(source.warnings),
+        "refused": "".join(source.problems), "problem": "".join(samples.problems),
+    }  # fmt: skip
+    for name, said in sentences.items():
+        assert table.get(name, "") in said
+        assert bool(said) == bool(table[name]) if name in table else not said or name not in ("problem", "refused")
+    assert table.get("metadata", {}).items() <= source.metadata.items()
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        "Time / ms;Position/mm;Pressure_A / bar (g)",
-        "Time;Position;Pressure_A\n[ms];[mm];[barg]",
-        "Rig;7\nTime;Position;Pressure_A\n\n(ms);(mm);(bar(g))\n",
-        "Time;Position;Pressure_A\nms;mm;bar(g)\nf8;f8;f8",
-    ],
-)
-def test_units_stand_in_brackets_behind_a_slash_or_in_a_row_of_their_own(save, parser, header):
-    source, tables, columns = read(save(f"{header}\n0;0,5;6\n1;0,6;6\n"))
-    assert names(source) == [("time", "ms"), ("position", "mm"), ("pressure_a", "bar(g)")]
-    assert columns == [[0, 1], [0.5, 0.6], [6, 6]]
-    assert tables[0].places.number(0) == header.count("\n") + 2
-    assert source.rasters[0].clock == 0
-
-
-@pytest.mark.parametrize(
-    ("header", "expected"),
-    [
-        ("t/s;v / m/s;m/s;v/m/s", [(None, "s"), (None, "m/s"), (None, None), (None, "m/s")]),
-        ("Time (s);Position (piston);pressure_a (chamber A) (bar)", [("time", "s"), (None, None), (None, "bar")]),
-    ],
-)
-def test_a_slash_in_a_unit_and_a_remark_in_round_brackets_are_no_unit(save, header, expected):
-    assert names(read(save(f"{header};km/h\n0;0,5;1;2;3\n"))[0])[: len(expected)] == expected
-
-
-EXPORTS = {
-    "a Tektronix oscilloscope": "Model,DPO2014,,\nRecord Length,3,,\nTIME,CH1,CH2,\n-0.1,0.2,0.3,\n0.0,0.2,0.3,\n",
-    "a Keysight oscilloscope": "x-axis,1,2\nsecond,Volt,Volt\n-0.1,0.2,0.3\n0.0,0.2,0.3\n",
-    "a PicoScope": "Time,Channel A,Channel B\n(s),(V),(mV)\n\n-0.1,0.2,0.3\n0.0,0.2,0.3\n",
-    "INCA": "ETASAsciiItemFile\trecord\ttab\tOptional\nsampleCount\t2\ntime\tWeg\tpA\ns\tmm\tbar\nf8\tf8\tf8\n"
-    "-0.1\t0.2\t0.3\n0.0\t0.2\t0.3\n",
-    "LabVIEW": "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t2\t\nSamples\t2\t2\t\n"
-    "***End_of_Header***\t\t\t\nX_Value\tWeg\tDruck\tComment\n-0,1\t0,2\t0,3\n0,0\t0,2\t0,3\n",
-    "Excel": "sep=;\r\nZeit;Weg;Druck\r\nms;mm;bar\r\n-0,1;0,2;0,3\r\n0;0,2;0,3\r\n",
-}
-
-
-def test_units_and_time_of_a_measurement_of_labview(save):
-    text = EXPORTS["LabVIEW"].replace("Samples", "Y_Unit_Label\tmm\tbar\t\nSamples")
-    (raster,) = read(save(text))[0].rasters
-    assert [heading.unit for heading in raster.headings] == ["s", "mm", "bar"]
-    assert raster.clock == 0
-
-
-@pytest.mark.parametrize("program", EXPORTS)
-def test_exports_of_other_programs(save, parser, program):
-    _, tables, columns = read(save(EXPORTS[program]))
-    assert columns[:3] == [[-0.1, 0], [0.2, 0.2], [0.3, 0.3]]
-    assert tables[0].problems == ()
-
-
-def test_keys_and_values_above_the_names_are_kept(save):
-    source, _, _ = read(save("# driver: Meier\nDevice;Scope\n# rig = 7\nx;y\n0;0,5\n"))
-    assert {"driver": "Meier", "Device": "Scope", "rig": "7"}.items() <= source.metadata.items()
-
-
-def test_names_may_stand_in_a_comment_where_nothing_else_fits(save, parser):
-    source, _, columns = read(save("# written by hand\n# time [s] position [mm]\n0.0 1.5\n0.1 2.5\n"))
-    assert names(source) == [("time", "s"), ("position", "mm")]
-    assert columns == [[0, 0.1], [1.5, 2.5]]
-
-
-def test_names_with_blanks_may_be_separated_by_blanks(save):
-    source, _, _ = read(save("Time [s]  Piston travel [mm]\n0.0       1.5\n0.1       2.5\n"))
-    assert [heading.text for heading in source.rasters[0].headings] == ["Time [s]", "Piston travel [mm]"]
-
-
-def test_a_file_without_names_has_numbered_columns_that_only_a_map_can_use(save):
-    path = save("0;1,5\n1;2,5\n")
-    source, tables, columns = read(path)
-    assert [heading.text for heading in source.rasters[0].headings] == ["column 1", "column 2"]
-    assert columns == [[0, 1], [1.5, 2.5]]
-    assert source.unnamed.startswith("line 1: the first line contains numbers; a header such as")
-    assert tables[0].problems == ()
+def test_a_recording_without_names_is_refused(save):
     with pytest.raises(DataError, match="the first line contains numbers"):
-        cio.read(path)
+        cio.read(save("0;1,5\n1;2,5\n"))
 
 
-def test_two_columns_of_whole_numbers_or_one_with_a_decimal_comma(save):
-    (doubt,) = read(save("0,5\n1,5\n"))[0].warnings
-    assert "this may also be one column with a decimal comma" in doubt
-
-
-WORDS = [
-    "-nan(ind)",
-    "#DIV/0!",
-    "NaN",
-    "nan",
-    "NA",
-    "n/a",
-    "-",
-    "#N/A",
-    "null",
-    "",
-    " ",
-    "NULL",
-    "None",
-    "--",
-    "1.#QNAN",
-    " n/a ",
-]
+WORDS = ["-nan(ind)", "#DIV/0!", "NaN", "nan", "NA", "n/a", "-", "#N/A", "null", "", " ", "NULL", "None", "--",
+         "1.#QNAN", " n/a "]  # fmt: skip
 
 
 @pytest.mark.parametrize("word", WORDS)
@@ -163,60 +71,10 @@ def test_words_of_a_missing_sample(save, parser, word):
     assert tables[0].problems == ()
 
 
-@pytest.mark.parametrize(
-    ("on", "off"), [("true", "false"), ("EIN", "AUS"), ("On", "off"), ("ja", "nein"), ("Open", "closed")]
-)
-def test_truth_values_are_one_and_zero(save, parser, on, off):
-    _, tables, columns = read(save(f"time [s];valve\n0;{on}\n1;{off}\n2;-\n3;1\n"))
-    np.testing.assert_array_equal(columns[1], [1, 0, np.nan, 1])
-    assert tables[0].problems == ()
+STAMPS = table(__file__, "csv_stamps")
 
 
-TIMES = "Time;x\n12:00:00;1\n12:00:99;2\n25:00:00;3\n12:00:01;4\n12:00:02;5\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        (
-            "t;x\n0;0.5\n1;off\n2;0.5\n",
-            "'x' contains cells that are not numbers: line 3 has 'off'; write a number like",
-        ),
-        (TIMES, "line 3 has '12:00:99', line 4 has '25:00:00'; write date and time as in the other cells"),
-        (
-            "t;x\n0;1,234\n1;2,345\n",
-            "line 2 has '1,234', line 3 has '2,345'; the comma may be a decimal or a thousands separator: write a "
-            "decimal point, or leave the cell empty where the sample is missing.",
-        ),
-        ("t;x\n0;0,5\n1;1.5\n2;0,75\n", "line 3 has '1.5'; the decimal mark of this file is the comma"),
-        ("t;x\n0;0,5\n1;1.234,5\n2;0,75\n", "line 3 has '1.234,5'; write a number without thousands separators"),
-        *(
-            (f"t;x\n0;0.5\n1;{cell}\n2;0.75\n", f"line 3 has '{cell}'; write a number without thousands separators")
-            for cell in ("1'234.5", "1 234,5", "1.234.567", "1,234,567")
-        ),
-    ],
-)
-def test_a_cell_that_is_no_number_is_missing_and_a_problem(save, parser, text, problem):
-    _, tables, columns = read(save(text))
-    assert problem in tables[0].problems[0]
-    assert np.isnan(columns).any()
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "start"),
-    [
-        ("2024-05-01T12:00:00.001", "2024-05-01 12:00:01.501", "2024-05-01T12:00:00.001"),
-        ("2024-02-28T23:59:59.5Z", "2024-02-29T02:00:01+02:00", "2024-02-28T23:59:59.5Z"),
-        ("2024-02-28T23:59:59.5+0000", "2024-02-29T02:00:01+0200", "2024-02-28T23:59:59.5+0000"),
-        ("2024-02-28T20:29:59.5-0330", "2024-02-29T05:45:01+05:45", "2024-02-28T20:29:59.5-0330"),
-        ("01.05.2024 12:00:00,001", "01.05.2024 12:00:01,501", "2024-05-01T12:00:00.001"),
-        ("12:00:00.001", "12:00:01.501", "12:00:00.001"),
-        ("9:59:59", "10:00:00.5", "09:59:59"),
-        ("0 days 00:00:59.500000", "0 days 00:01:01", "00:00:59.500000"),  # a duration of pandas
-        ("58:59.5", "59:01.0", "00:58:59.5"),  # minutes and seconds, as Excel saves them
-        ("58:59,5", "59:01,0", "00:58:59.5"),
-    ],
-)
+@pytest.mark.parametrize(("first", "second", "start"), STAMPS["pairs"])
 @pytest.mark.parametrize("name", ["Time", "time [ms]", "Zeitstempel"])
 def test_stamps_become_seconds_from_the_first(save, parser, first, second, start, name):
     source, tables, columns = read(save(f"{name};x\n{first};1,5\n{second};2,5\n-;3\n"))
@@ -366,7 +224,8 @@ def test_every_recording_of_an_actuator_opens(shared):
         contents["Circle_5bar.csv"][0].metadata["dialect"] == "UTF-8, tab, decimal point, no names, samples from line 1"
     )
     assert len(contents["Circle_5bar.csv"][2]) == 7
-    assert names(contents["test_data_2.txt"][0])[:3] == [("time", "s"), (None, "uN"), ("position", "mm")]
+    headings = contents["test_data_2.txt"][0].rasters[0].headings
+    assert list(map(heading, headings))[:3] == ["time [s]", "- [uN]", "position [mm]"]
     assert len(contents["test_data_2.txt"][2][0]) == 42579
     assert contents["cylinder_1kHz.csv"][2][3][0] == 100000.0
     assert contents["worn1.csv"][0].rasters[0].clock == 0
@@ -375,20 +234,7 @@ def test_every_recording_of_an_actuator_opens(shared):
     assert with_problems == {"Prusa.csv", "Formlabs.csv"}
 
 
-@pytest.mark.parametrize(
-    ("cell", "stamp"),
-    [
-        ("05/01/2024 12:00:00.5 AM", "2024-05-01T00:00:00.5"),
-        ("05/01/2024 12:00:00.5 PM", "2024-05-01T12:00:00.5"),
-        ("5/1/2024 1:02:03 pm", "2024-05-01T13:02:03"),
-        ("25/12/2024 01:02:03", "2024-12-25T01:02:03"),
-        ("2024/05/01 01:02:03", "2024-05-01T01:02:03"),
-        ("01:02:03:045", "01:02:03.045"),
-        ("11:59:59.999 PM", "23:59:59.999"),
-        ("01-May-2024 12:00:00.001", "2024-05-01T12:00:00.001"),
-        ("24-Dez-2024 01:02:03", "2024-12-24T01:02:03"),
-    ],
-)
+@pytest.mark.parametrize(("cell", "stamp"), STAMPS["written"])
 def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
     assert in_iso(cell) == stamp
     assert nanoseconds(cell) == nanoseconds(stamp)
@@ -407,15 +253,6 @@ def test_row_times_of_a_timetable_are_seconds(save, form, small):
     np.testing.assert_allclose(table.numbers[0], stamps, atol=1e-9)
 
 
-@pytest.mark.parametrize("types", ["f8;f8;f8;f8", "double;double;int32;int32", "type;real;real;real"])
-def test_a_row_of_types_between_names_and_units_is_neither(save, types):
-    text = f"Recorder\ntime;ClutchPos;DutySupply;DutyExhaust\n{types}\ns;mm;%;%\n" + "".join(
-        f"{i / 100};{i};{i % 2};{1 - i % 2}\n" for i in range(30)
-    )
-    (raster,) = open_file(save(text)).rasters
-    assert [(h.text, h.unit) for h in raster.headings][:2] == [("time", "s"), ("ClutchPos", "mm")]
-
-
 @pytest.mark.parametrize("form", ["12:00:{:02d}.{}", "12:00:{:02d}:{}", "{}.{}", "2024-05-01T12:00:{:02d}.{}"])
 @pytest.mark.parametrize("interval", [2, 10])
 def test_milliseconds_without_their_zeros_are_refused(save, form, interval):
@@ -430,21 +267,6 @@ def test_fractions_of_any_length_are_read(save, form):
     rows = [f"{form.format(k / 500)},{k / 100},0,0\n" for k in range(400)]
     source = open_file(save("time [s],position [mm],duty_supply [1],duty_exhaust [1]\n" + "".join(rows)))
     assert source.problems == ()
-
-
-def test_a_unit_in_the_name_that_is_another_one_below_is_refused(save):
-    rows = "".join(f"{k / 100},{k},{k % 2},{k % 2}\n" for k in range(30))
-    names = "time [s],position [mm],duty_supply [%],speed [rpm]\n"
-    assert open_file(save(f"{names}s,mm,Prozent,1/min\n{rows}")).problems == ()
-    (problem,) = open_file(save(f"{names}s,cm,%,1/min\n{rows}")).problems
-    assert "column 'position [mm]' has the unit mm in its name and cm in the row of units" in problem
-
-
-@pytest.mark.parametrize(("date", "said"), [("01/05/2024", True), ("25/12/2024", False), ("05/05/2024", False)])
-def test_a_date_that_may_be_another_is_said(save, date, said):
-    rows = "".join(f"{date} 12:00:{k / 100:06.3f};{k};0;0\n" for k in range(30))
-    warnings = open_file(save("Zeit;Weg [mm];Be [%];Ent [%]\n" + rows)).warnings
-    assert any("is read as 2024-01-05, month first" in text for text in warnings) == said
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
@@ -489,45 +311,16 @@ def test_a_second_time_that_spans_a_thousandth_of_the_first_is_not_in_its_unit(t
     assert [heading.unit for heading in second.headings if heading.name == "time"] == [None]
 
 
-def test_columns_between_blanks_need_no_units(save):
-    rows = "".join(f"  12:00:{k / 100:06.3f}   {k}   0   1\n" for k in range(30)) + "End of file\n"
-    path = save("  Time  position [mm]  duty_supply [%]  duty_exhaust [%]\n" + rows)
-    (raster,) = open_file(path).rasters
-    assert [(h.name, h.unit) for h in raster.headings][:2] == [("time", "s"), ("position", "mm")]
-    assert any("line 32 holds no sample" in text for text in cio.read(path).warnings)
-
-
-def test_numbers_in_the_head_of_a_labview_measurement_are_no_samples(save):
-    lines = [
-        "LabVIEW Measurement", "X_Columns\tNo", "***End_of_Header***", "Channels\t2", "Samples\t30\t30",
-        "Y_Unit_Label\tmm\t%", "X0\t0.0E+0\t0.0E+0", "Delta_X\t0.001\t0.001", "***End_of_Header***\t\t",
-        "X_Value\tposition\tduty_supply\tComment", *(f"\t{i / 10}\t{i % 2}" for i in range(30)),
-    ]  # fmt: skip
-    source = open_file(save("\n".join(lines) + "\n"))
-    assert [(h.text, h.unit) for h in source.rasters[0].headings][1:] == [("position", "mm"), ("duty_supply", "%")]
-    (table,) = source.tables(0, [1])
-    assert table.numbers[1].tolist() == [i / 10 for i in range(30)]
-
-
-@pytest.mark.parametrize("cell", ["01-Mau-2024 12:00:00.001", "20240501T120000.001Z", "12.00.00.001", "0h 0m 1s"])
+@pytest.mark.parametrize("cell", STAMPS["none"])
 def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
     rows = "".join(f"{cell};{i};{i % 2};{(i + 1) % 2}\n" for i in range(9))
     with pytest.raises(DataError, match="time: 'Zeit' holds text; write seconds, or times such as 2024-05-01T12:00:00"):
         cio.read(save("Zeit;Weg [mm];Ventil_Be [%];Ventil_Ent [%]\n" + rows))
 
 
-def test_an_hour_of_a_half_day_is_1_to_12():
-    assert nanoseconds("13:00:00 PM") is None
-    assert nanoseconds("0:00:00 AM") is None
-
-
-@pytest.mark.parametrize(
-    ("names", "units"),
-    [("time [us],position [um]", "µs,µm"), ("time [s],bellows [bar]", "s,bar(g)"), ("time [s],x [degC]", "s,°C")],
-)
-def test_another_spelling_of_a_unit_or_another_unit_of_an_unread_column_is_no_problem(save, names, units):
-    rows = "".join(f"{k},{k},{k % 2},{k % 2}\n" for k in range(30))
-    assert open_file(save(f"{names},duty_supply [%],duty_exhaust [%]\n{units},%,%\n{rows}")).problems == ()
+@pytest.mark.parametrize("cell", [*STAMPS["none"], *STAMPS["no hour of a half day"]])
+def test_what_is_no_stamp_has_no_time(cell):
+    assert nanoseconds(cell) is None
 
 
 def test_a_time_that_counts_down_does_not_lack_zeros(save):

@@ -19,7 +19,6 @@ from clutchid.measurements.formats.csv import rows as csv_rows
 from clutchid.strokes.vented_pressure import VENTED_KEY
 
 INPUTS = "duty_supply [1],duty_exhaust [1]"
-USED = "the recording is used from its first to its last sample with all inputs."
 
 
 def load(path):
@@ -80,68 +79,6 @@ def test_an_ambient_pressure_is_above_zero(recording, save, ambient):
         cio.read(save(recording()), ambient=ambient)
 
 
-def test_comments_and_blank_lines_do_not_shift_the_lines_of_messages(recording, save, parser):
-    text = '# from the "rig\n#\n' + recording(9, {(4, 2): ""})
-    assert cio.read(save(text)).warnings == ("input 'duty_supply [1]' is missing in line 8: each gap ends a segment.",)
-    blank = text.replace("\n0.002", "\n\n0.002") + "\n\n"
-    assert cio.read(save(blank)).warnings == ("input 'duty_supply [1]' is missing in line 9: each gap ends a segment.",)
-
-
-def test_missing_samples_of_a_measurement_are_kept_without_a_word(recording, save, parser):
-    log = cio.read(save(recording(6, {(0, 1): "", (2, 4): "", (3, 4): "NaN", (5, 4): ""})))
-    assert np.flatnonzero(np.isnan(log["position"])).tolist() == [0]
-    assert np.flatnonzero(np.isnan(log["pressure_a"])).tolist() == [2, 3, 5]
-    assert log.warnings == ()
-
-
-def test_columns_without_a_meaning_are_left_out_with_a_warning(recording, save, parser):
-    text = recording(3).replace("\n", ',1,"a, b"\n').replace(',1,"a, b"', ",gear [1],comment", 1)
-    log = cio.read(save(text))
-    assert set(log.columns) == {"position", "duty_supply", "duty_exhaust", "pressure_a"}
-    (warning,) = log.warnings
-    assert warning.startswith("columns 'gear [1]', 'comment' are not known and left out; known are time, position,")
-
-
-def test_gaps_in_an_input_give_one_warning_with_lines(recording, save, parser):
-    gaps = {(i, 2): "" for i in (3, 4, 5, 8, 10, 12, 14, 16)} | {(6, 3): "nan"}
-    log = cio.read(save(recording(20, gaps)))
-    assert log.warnings == (
-        "input 'duty_supply [1]' or 'duty_exhaust [1]' is missing in lines 5-8, 10, 12, 14, 16 and 1 more: "
-        "each gap ends a segment.",
-    )
-    assert np.isnan(log["duty_supply"][3])
-
-
-@pytest.mark.parametrize(
-    ("missing", "said"),
-    [
-        ((0, 1, 9), f"lines 2-3, 11: {USED}"),
-        ((0, 4), f"lines 2, 6: each gap ends a segment, and {USED}"),
-        (range(10), "lines 2-11: each gap ends a segment."),
-    ],
-)
-def test_inputs_that_are_missing_at_the_ends_end_no_segment(recording, save, parser, missing, said):
-    log = cio.read(save(recording(10, {(i, 2): "" for i in missing})))
-    assert len(log) == 10
-    assert log.warnings == (f"input 'duty_supply [1]' is missing in {said}",)
-
-
-def test_holes_in_time_give_one_warning_with_lines_and_length(recording, save, parser):
-    log = cio.read(save(recording(10, {(8, 0): "0.500", (9, 0): "0.505"})))
-    assert log.warnings == (
-        "no samples for 0.493 s between lines 9 and 10 (usual interval 0.001 s): each hole ends a segment.",
-    )
-    many = {(i, 0): str(i // 3 * 3.0 + i * 0.001) for i in range(30)}
-    (warning,) = cio.read(save(recording(30, many))).warnings
-    assert warning.count("between lines") == 5
-    assert "and 4 more (usual interval 0.001 s)" in warning
-
-
-def test_an_interval_of_five_medians_is_no_hole_yet(recording, save):
-    times = ["0", "1", "2", "3", "8", "9", "10", "11"]
-    assert cio.read(save(recording(8, {(i, 0): t for i, t in enumerate(times)}))).warnings == ()
-
-
 def test_names_with_wildcards_or_an_archive_suffix_are_names(recording, save, parser):
     for name in ("run[1]*.csv", "run.csv.gz", "run"):
         assert len(cio.read(save(recording(4), name))) == 4
@@ -187,11 +124,3 @@ def test_a_small_file_is_read_without_polars(recording, save, monkeypatch):
     monkeypatch.setattr(pl, "read_csv", None)
     log = cio.read(save(recording(3000, {(5, 1): "", **{(6, column): "" for column in range(1, 5)}})))
     assert (len(log), np.isnan(log["pressure_a"]).sum()) == (3000, 1)
-
-
-def test_cells_that_say_that_there_is_no_value_are_missing_and_counted(save, recording, parser):
-    text = recording(40, {(3, 1): "SNA", (4, 1): "sensor error", (5, 4): "nicht verfügbar"})
-    log = cio.read(save(text))
-    assert np.flatnonzero(np.isnan(log["position"])).tolist() == [3, 4]
-    assert "column 'position [m]': 2 cells say that there is no value; these samples are missing." in log.warnings
-    assert np.flatnonzero(np.isnan(log["pressure_a"])).tolist() == [5]
