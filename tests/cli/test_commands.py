@@ -90,65 +90,6 @@ def test_what_a_verdict_rests_on_is_computed_once(
     assert len(calls) == 2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["fit"], ["no recording given; clutchid fit LOG.csv"]),
-        (["calibrate"], ["no recording given; clutchid calibrate LOG.csv"]),
-        (["estimate", "--start", "CAL.toml"], ["no recording given; clutchid estimate LOG.csv"]),
-        (["fit", "LOG", "--save", "fit.toml", "--save", "./fit.toml"], ["is the file of --save too"]),
-        (["fit", "missing.csv"], ["missing.csv", "no such file"]),
-        (["fit", "LOG", "--measure", "pressure_a"], ["pressure_a"]),
-        (["fit", "LOG", "--bounds", "theta_1=5"], ["NAME=LOW:HIGH"]),
-        (["fit", "LOG", "--save", "nowhere/fit.toml"], ["nowhere", "does not exist"]),
-        (["fit", "LOG", "--report", "nowhere/page.html"], ["nowhere", "does not exist"]),
-        (
-            ["fit", "no.csv", "--save", "fit.json"],
-            ["the suffix '.json' is not known; a fit is saved as .toml"],
-        ),
-        (["fit", "no.csv", "--save", "fit-1.m"], ["MATLAB has no function files with such a name; name it fit_1.m."]),
-        (["fit", "no.csv", "--start", "fit.mat"], ["fit.mat: is for MATLAB, and clutchid does not read it back;"]),
-        (["fit", "LOG", "--ambient", "3"], ["--ambient", "between"]),
-        (["fit", "LOG", "--start", "missing.toml"], ["missing.toml"]),
-        (["fit", "LOG", "--nonsense"], ["--nonsense", "Usage: clutchid fit LOGS..."]),
-        (["fit", "LOG", "--start"], ["--start has no value"]),
-        (["observe", "LOG"], ["--start is missing. Usage: clutchid observe LOG --start CAL.toml --out EST.parquet"]),
-        (["simulate"], ["LOG is missing"]),
-        (["look", "LOG", "more.csv"], ["more.csv: not expected here"]),
-        (["drive", "--out", "a.csv", "--out", "b.csv"], ["--out is given more than once"]),
-        (
-            ["drive", "--out", "a.csv", "--seed", "1.5"],
-            ["--seed 1.5: a whole number is expected. Usage: clutchid drive"],
-        ),
-        (["drive", "--out", "a.csv", "--seconds", "ten"], ["--seconds ten: a number is expected"]),
-        (["fit", "--verify", "LOG", "LOG"], ["no recording", "put the recordings first"]),
-        (["fit", "--bounds", "theta_1=0:1e6", "LOG"], ["no recording", "put the recordings first"]),
-        (["fit", "LOG", "--carry", "p"], ["--carry p", "there are no resets; give --every N or --parts N"]),
-        (["fit", "LOG", "--save", "LOG"], ["--save", "is a recording that is fitted"]),
-        (["fit", "LOG", "--report", "LOG"], ["--report", "is a recording that is fitted"]),
-        (["fit", "other.csv", "--verify", "LOG", "--save", "LOG"], ["--save", "is a recording to verify with"]),
-        (["fit", "LOG", "--start", "p.toml", "--save", "./p.toml"], ["--save", "is the start file itself"]),
-        (["fit", "LOG", "--save", "a", "--report", "../NAME/a"], ["--report", "is the file of --save too"]),
-        (["fit", "one.csv", "two.csv", "--verify", "three.csv"], ["one.csv", "two.csv", "three.csv"]),
-        (["simulate", "LOG", "--parameters", "missing.toml", "--out", "x.csv"], ["missing.toml"]),
-        (["simulate", "LOG", "--parameters", "p.toml", "--out", "p.toml"], ["is the parameter file itself"]),
-        (["simulate", "LOG", "--parameters", "p.toml", "--out", "LOG"], ["is the recording itself"]),
-    ],
-)
-def test_bad_input_is_one_sentence_and_exit_code_two(
-    command: Command, arguments: list[str], words: list[str], recording: Path, tmp_path: Path
-) -> None:
-    before = recording.read_bytes()
-    words_given = [word.replace("NAME", tmp_path.name) for word in arguments]
-    process = command(*(recording if word == "LOG" else word for word in words_given), cwd=tmp_path)
-    assert recording.read_bytes() == before
-    assert process.returncode == 2, process.stderr
-    assert "Traceback" not in process.stderr
-    for word in words:
-        assert word in process.stderr
-    assert not list(tmp_path.iterdir())
-
-
 def test_start_values_that_blow_up_the_simulation_fail_with_time_and_state(
     command: Command, recording: Path, tmp_path: Path
 ) -> None:

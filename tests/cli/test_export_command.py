@@ -6,9 +6,7 @@ import pytest
 
 from clutchid.exports.exporting import NO_POSITION_ONLY
 from clutchid.exports.frames import results_dbc
-from clutchid.measurements import read, write
 from clutchid.observer.health import FLAGS
-from fixtures.changed_logs import thinned
 from fixtures.commands import called
 
 pytestmark = pytest.mark.slow
@@ -65,26 +63,6 @@ def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, t
 def test_the_dbc_of_results_is_beside_it(folder, tmp_path):
     assert exported(folder, tmp_path, "--to", "c,dbc") == 0
     assert (tmp_path / "observer" / "dbc" / "clutch.dbc").read_text() == results_dbc()
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--name", "2nd"), "--name '2nd': no C identifier"),
-        (("--to", "c,fmu9"), "--to c,fmu9: 'fmu9' is none of c, "),
-        (("--model",), "--model is written as an FMU: add fmu2 or fmu3 to --to"),
-        (("--method", "paper"), "it takes the model 'isothermal'"),
-        (("--check", "slow.parquet"), "a sample every 20 ms, but the observer is for one every 1 ms"),
-        (("--resume", "none.toml"), "none.toml"),
-    ],
-)
-def test_bad_input_is_a_sentence_and_nothing_is_written(folder, tmp_path, capsys, monkeypatch, options, words):
-    monkeypatch.chdir(tmp_path)
-    write(thinned(read(folder / "worn.parquet"), 20), tmp_path / "slow.parquet")
-    assert exported(folder, tmp_path, *options) == 2
-    said = " ".join(capsys.readouterr().err.split())
-    assert words in said
-    assert not (tmp_path / "observer").exists()
 
 
 def test_a_folder_that_cannot_be_made_is_a_sentence(folder, tmp_path, capsys):

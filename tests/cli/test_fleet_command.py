@@ -160,20 +160,3 @@ def test_the_observer_reads_a_fleet_too(observed, tracked):
     at_end, fitted = (frame.row(by_predicate=pl.col("recording") == "r1", named=True) for frame in rows)
     assert " stroke" in at_end["message"]
     assert at_end["peak_N"] == pytest.approx(fitted["peak_N"], rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--workers", "0"), "--workers 0: must be at least 1"),
-        (("--verb", "track", "--limit", "nan"), "--limit nan: a shift in mm is needed, not 0 and at most 100"),
-        (("--workers", "100000"), "--workers 100000: this machine has"),
-        (("--limit", "1"), "--limit: belongs to --verb track"),
-        (("--timeout", "-1"), "--timeout -1.0: a time in s of at least 0"),
-        (("--memory", "2 bananas"), "--memory 2 bananas: at least 300MB is needed"),
-        (("--scheduler", "tls://127.0.0.1:9"), "a connection by TLS needs certificates"),
-    ],
-)
-def test_bad_options_are_a_sentence(folder, capsys, options, said):
-    assert run(folder, folder / "none", *options) == 2
-    assert said in capsys.readouterr().err

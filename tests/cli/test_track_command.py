@@ -102,22 +102,3 @@ def test_the_object_has_the_keys_of_every_result_and_two_workers_write_the_same_
     assert content["wear"]["alarms"][0]["kind"] == "replaced"
     assert content["logs"]["r9"]["status"] == "bad_input"
     assert (folder / "again.parquet").read_bytes() == (folder / "wear.parquet").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (("--out", "x.csv"), "is written as .parquet"),
-        *((("--limit", limit), f"--limit {limit}: a shift in mm is needed") for limit in ("nan", "inf", "0")),
-        (("--table", "two.csv"), "the recordings are of 2 vehicles (V1, V2, ...); track follows one"),
-        (("--table", "none.csv"), "names none of the 8 recordings"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_nothing_is_written(folder, tmp_path, monkeypatch, capsys, options, sentence):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "two.csv").write_text("recording,vehicle\nr0,V1\nr1,V2\n")
-    (tmp_path / "none.csv").write_text("recording,vehicle\nother,V1\n")
-    output = () if "--out" in options else ("--out", "x.parquet")
-    assert run(folder, *output, *options) == 2
-    assert sentence in " ".join(capsys.readouterr().err.split())
-    assert not list(tmp_path.glob("*.parquet"))
