@@ -9,6 +9,9 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.names import unknown_name
 from clutchid.parameters import Parameters
+from fixtures.cases import table
+
+CASES = table(__file__, "test_parameters")
 
 
 def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
@@ -35,27 +38,12 @@ def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
         Parameters(**{name: wrong})
 
 
-@pytest.mark.parametrize(
-    ("name", "edge"),
-    [
-        ("D_v", 0.0), ("C_r", 0.0), ("B_vs", 1.0), ("B_ve", -1.0), ("D_zdot", 0.0), ("b_vs", 0.0), ("mu_h", 0.0),
-        ("t_vs", 0.0), ("t_ve", 1.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "edge"), CASES["an_edge_that_belongs_to_the_range_is_taken"])
 def test_an_edge_that_belongs_to_the_range_is_taken(name, edge):
     assert getattr(Parameters(**{name: edge}), name) == edge
 
 
-@pytest.mark.parametrize(
-    ("name", "wrong", "allowed"),
-    [
-        ("F_C", 1e300, "at least 0.0001 and at most 1e+06. Appendix A has 200."),
-        ("M", 1e12, "at least 1e-05 and at most 100000. Appendix A has 10."),
-        ("V_0A", 1e300, "at least 1e-09 and at most 1. Appendix A has 0.000148."),
-        ("T_0", 1e-3, "at least 50 and at most 1000. Appendix A has 293."),
-        ("tau_G", 1e9, "at least 0.0001 and at most 100000. The default is 10."),
-    ],
-)
+@pytest.mark.parametrize(("name", "wrong", "allowed"), CASES["what_no_actuator_has_is_refused_and_the_range_is_named"])
 def test_what_no_actuator_has_is_refused_and_the_range_is_named(name, wrong, allowed):
     with pytest.raises(ParameterError) as caught:
         Parameters(**{name: wrong})
@@ -65,11 +53,7 @@ def test_what_no_actuator_has_is_refused_and_the_range_is_named(name, wrong, all
 
 #: Symbol, and the smallest and the largest value of real actuators: the miniature cylinders and the heaviest clutch
 #: actuators and valves of catalogues, and the lengths, pressures and temperatures that these are made for.
-REAL = {
-    "A_A": (5e-6, 0.03), "V_0A": (1e-8, 1e-3), "M": (1e-3, 100.0),
-    "P_S": (1.5e5, 4e6), "D_v": (0.1, 2e4), "K_z": (1e3, 1e8), "F_C": (0.05, 2e3), "C_vs": (1e-10, 6e-7),
-    "y_max": (2e-3, 1.0), "K_stop": (1e4, 1e9), "V_S": (1e-5, 1.0), "tau_G": (0.1, 1e3),
-}  # fmt: skip
+REAL = CASES["real"]
 
 
 @pytest.mark.parametrize("name", sorted(REAL))

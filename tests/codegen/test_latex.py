@@ -8,26 +8,12 @@ import sympy as sp
 from clutchid.codegen.latex import expression_latex, latex_source, letters
 from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model.isothermal import isothermal
+from fixtures.cases import table
+
+CASES = table(__file__, "test_latex")
 
 
-@pytest.mark.parametrize(
-    ("name", "latex"),
-    [
-        ("y", "y"),
-        ("p_A", "p_A"),
-        ("V_0A", "V_{0A}"),
-        ("theta", r"\theta"),
-        ("theta_1", r"\theta_1"),
-        ("rho_0", r"\rho_0"),
-        ("z_dot", r"\dot{z}"),
-        ("p_A_dot", r"\dot{p}_A"),
-        ("D_zdot", r"D_{\dot{z}}"),
-        ("y_max", "y_{max}"),
-        ("y_measured", "y_{measured}"),
-        ("x2", "x_2"),
-        ("position", r"\mathrm{position}"),
-    ],
-)
+@pytest.mark.parametrize(("name", "latex"), CASES["names_are_written_as_in_the_paper"])
 def test_names_are_written_as_in_the_paper(name, latex):
     assert letters(name) == latex
 

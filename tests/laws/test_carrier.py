@@ -20,6 +20,9 @@ from clutchid.model.opening import (
 )
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
+from fixtures.cases import table
+
+CASES = table(__file__, "test_carrier")
 
 pytestmark = pytest.mark.slow
 
@@ -138,20 +141,7 @@ def modelled(duties, n=50):
     return np.array(total)
 
 
-@pytest.mark.parametrize(
-    ("duties", "off"),
-    [
-        ((0.5,), 0.002),  # a full pulse
-        ((0.12,), 0.002),  # a short one, which lifts the armature in part
-        ((0.07,), 1e-12),  # too short
-        ((1.0,), 0.002),  # a pulse that outlasts its period
-        ((1.0, 0.5), 0.002),
-        ((1.0, 0.9, 0.05), 0.01),  # too short to open a valve, it holds an open one
-        ((1.0, 0.84, 0.05), 0.05),  # half closed in between
-        ((0.95, 0.95, 0.95, 0.3), 0.002),  # gaps too short to close the valve
-        ((0.4, 0.05), 0.002),  # closed in between: nothing
-    ],
-)
+@pytest.mark.parametrize(("duties", "off"), CASES["a_valve_passes_what_an_armature_with_delays_passes"])
 def test_a_valve_passes_what_an_armature_with_delays_passes(duties, off):
     assert np.abs(np.cumsum(modelled(duties)) - np.cumsum(armature(duties))).max() <= off
 

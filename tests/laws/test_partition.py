@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
 from clutchid.simulation import Partition, simulate
+from fixtures.cases import table
+
+CASES = table(__file__, "test_partition")
 
 
 @given(st.integers(1, 500), st.integers(1, 5000))
@@ -26,17 +29,7 @@ def test_parts_are_equal_to_a_sample_and_their_number_is_kept(parts, n):
         assert lengths.max() - lengths.min() <= 1
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({}, "give exactly one of the two"),
-        ({"every": 2, "parts": 2}, "give exactly one of the two"),
-        ({"every": 0}, "every = 0: a number of samples is at least 1"),
-        ({"parts": -1}, "parts = -1: a number of parts is at least 1"),
-        ({"parts": 2, "carry": "r"}, "carry = 'r'"),
-        ({"every": 1, "take": "pressure"}, "take = 'pressure': 'all' compared measurements"),
-    ],
-)
+@pytest.mark.parametrize(("wrong", "words"), CASES["a_partition_that_is_none_is_refused_in_words"])
 def test_a_partition_that_is_none_is_refused_in_words(wrong, words):
     with pytest.raises(ParameterError, match=words):
         Partition(**wrong)

@@ -11,6 +11,9 @@ from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.measurements.map.proposal import map_for, propose
 from fixtures.air_on_the_bus import AMBIENT, CELSIUS, DBC, PRESSURES, asc_of, blf_of, mdf_of
+from fixtures.cases import table
+
+CASES = table(__file__, "test_conditions_in_files")
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0
@@ -104,19 +107,7 @@ def test_of_several_pressures_the_nearest_to_the_clutch_is_proposed_with_a_reaso
     assert "pressure_supply" not in map_for(source({**ACTUATOR, **pressures}, clock=False), REQUIRED).channels
 
 
-@pytest.mark.parametrize(
-    ("name", "unit", "value"),
-    [
-        ("Vorratsdruck", "bar", 0.0),
-        ("PneumaticSupplyPress", "kPa", 2040.0),
-        ("Luftdruck", "hPa", 1013.0),
-        ("AmbientAirTemp", "degC", 1774.9),
-        ("Aussentemperatur", "degC", 0.0),
-        ("EngAirIntakeTemp", "degC", 30.0),
-        ("CabInteriorTemp", "degC", 22.0),
-        ("AirSuspensionSupplyPress", "kPa", 900.0),
-    ],
-)
+@pytest.mark.parametrize(("name", "unit", "value"), CASES["what_cannot_be_the_supply_or_the_air_is_not_proposed"])
 def test_what_cannot_be_the_supply_or_the_air_is_not_proposed(source, name, unit, value):
     proposal = proposal_of(source, {name: (unit, always(value))})
     assert chosen(proposal) == {}

@@ -11,6 +11,9 @@ from clutchid.errors import DataError
 from clutchid.measurements.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.measurements.look import look
 from clutchid.measurements.opening import open_source
+from fixtures.cases import table
+
+CASES = table(__file__, "test_kinds")
 
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'
 FOREIGN = {
@@ -77,18 +80,7 @@ def test_a_file_that_is_no_recording_is_refused_by_what_it_is(name, tmp_path):
         look(path)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "time [s],position [m]\n0,1\n",
-        "VERSION,time\n1,2\n",
-        "# version https://example.org\ntime [s],position [m]\n0,1\n",
-        "sep=;\ntime;position\n0;1\n",
-        "BO_ 256,x\n1,2\n",
-        '"time","position"\n0,1\n',
-        "[time],[position]\n0,1\n",
-    ],
-)
+@pytest.mark.parametrize("text", CASES["a_table_of_text_is_never_refused_for_its_beginning"])
 def test_a_table_of_text_is_never_refused_for_its_beginning(text, tmp_path):
     path = tmp_path / "run.csv"
     path.write_text(text)

@@ -16,7 +16,10 @@ from clutchid.measurements.formats.can.mf4 import mdf_frames
 from clutchid.measurements.formats.mdf.file import open_file, save
 from clutchid.measurements.formats.mdf.numbers import formula
 from clutchid.measurements.source import BLOCK
+from fixtures.cases import table
 from fixtures.sources import joined, spoiled, tables_of
+
+CASES = table(__file__, "test_mdf")
 
 pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install '.[mdf]'")
 
@@ -319,18 +322,7 @@ def test_texts_for_values_are_missing_where_a_rule_gives_the_other_values(save):
     assert np.array_equal(slip, [0.0, 4.0, np.nan], equal_nan=True)
 
 
-@pytest.mark.parametrize(
-    ("texts", "readable"),
-    [
-        (["Off", "On"], True),
-        (["FALSE", "true", "not available"], True),
-        (["aus", "ein", "Error"], True),
-        (["closed", "open"], True),
-        (["Off", "On", "Automatic"], False),
-        (["Off", "Off"], False),
-        (["vented", "filled"], False),
-    ],
-)
+@pytest.mark.parametrize(("texts", "readable"), CASES["an_on_and_an_off_are_one_and_zero_and_other_texts_are_named"])
 def test_an_on_and_an_off_are_one_and_zero_and_other_texts_are_named(save, texts, readable):
     file = Bytes()
     channel = file.channel("Valve", 0, 0, 8, 8, conversion=texts_for_values(file, texts))

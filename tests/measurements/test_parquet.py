@@ -11,14 +11,12 @@ import clutchid.measurements as cio
 from clutchid.errors import DataError, install_command
 from clutchid.measurements.formats.parquet import file as parquet_file
 from clutchid.measurements.formats.parquet.footer import damage
+from fixtures.cases import table
 from fixtures.sources import everything
 
-GOOD = {
-    "time [ms]": [0, 1, 2],
-    "position [mm]": [0, 1, 2],
-    "duty_supply [%]": [0, 50, 100],
-    "duty_exhaust [1]": [0, 0, 0],
-}
+CASES = table(__file__, "test_parquet")
+
+GOOD = CASES["good"]
 
 
 @pytest.fixture
@@ -202,28 +200,14 @@ def test_damaged_pages_of_a_text_column_do_not_matter(data):
     np.testing.assert_array_equal(columns[0], np.arange(25))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "data_encrypt_columns_plaintext_footer.parquet.encrypted",
-        "data_aes256_encrypt_columns_plaintext_footer.parquet.encrypted",
-        "data_uniform_encryption.parquet.encrypted",
-    ],
-)
+@pytest.mark.parametrize("name", CASES["an_encrypted_file_is_refused_as_such"])
 def test_an_encrypted_file_is_refused_as_such(data, name):
     assert parquet_file.open_file(data(f"foreign_files/parquet/{name}")).problems == (
         "is encrypted; decrypt it with the program that wrote it, or write it again without encryption.",
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "numbers"),
-    [
-        ("data_repeated_no_annotation.parquet", {"id": [1, 2, 3, 4, 5, 6]}),
-        ("shredded_variant_case-001.parquet", {"id": [1]}),
-        ("data_dict-page-offset-zero.parquet", {"l_partkey": [1552] * 39}),
-    ],
-)
+@pytest.mark.parametrize(("name", "numbers"), CASES["what_polars_refuses_is_read_with_pyarrow"])
 def test_what_polars_refuses_is_read_with_pyarrow(data, name, numbers):
     pytest.importorskip("pyarrow", reason="PyArrow is needed, of the extra 'parquet'.")
     source, _, columns = read(data(f"foreign_files/parquet/{name}"))

@@ -5,6 +5,9 @@ import pytest
 
 from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.map.proposal import map_for, propose
+from fixtures.cases import table
+
+CASES = table(__file__, "test_proposal")
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0
@@ -23,20 +26,7 @@ def chosen(proposal):
     return {name: entry.channel for name, entry in proposal.channels.channels.items()}
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        ("time", "ClutchPos", "DutySupply", "DutyExhaust", "ClutchPressure"),
-        ("t", "clutch_travel", "pwm_inlet_valve", "pwm_outlet_valve", "p_clutch"),
-        ("Zeit", "Kupplungsweg", "Tastverhältnis_Zuluft", "Tastverhältnis_Abluft", "Kupplungsdruck"),
-        ("Zeit", "KupplungsWeg_ist", "Belüftungsventil", "Entlüftungsventil", "Druck_Zylinder"),
-        ("time_s", "x_clutch", "uSup", "uExh", "pCyl"),
-        ("t", "ClutchPos_mm", "DC_sup", "DC_exh", "pChamber"),
-        ("t", "clutchpos", "supply_pct", "exhaust_pct", "p_cham"),
-        ("t", "ypiston", "u_sup", "u_exh", "pcylinder"),
-        ("timestamps", "Actuator.Stroke", "Valve_Fill_Cmd", "Valve_Vent_Cmd", "Chamber_Press"),
-    ],
-)
+@pytest.mark.parametrize("names", CASES["english_and_german_names_are_known"])
 def test_english_and_german_names_are_known(source, names):
     proposal = proposed(source, *names)
     assert chosen(proposal) == dict(

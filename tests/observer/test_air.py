@@ -13,6 +13,9 @@ from clutchid.observer import observe, observer, start
 from clutchid.observer.air import air_of_samples, at_air
 from clutchid.observer.by_stroke import estimates_of, follow_strokes
 from clutchid.observer.run import unused_conditions
+from fixtures.cases import table
+
+CASES = table(__file__, "test_air")
 
 CALIBRATED = 290.0
 
@@ -34,27 +37,13 @@ def cold(worn):
     return worn.replace({name: r**power * worn.value(name) for name, power in powers.items() if name in worn.acting})
 
 
-@pytest.mark.parametrize(
-    ("used", "recorded", "changes", "aired", "refused"),
-    [
-        (np.nan, [], [], [], ""),
-        (np.nan, [np.nan, np.nan], [], [-7.0, -7.0], ".."),
-        (np.nan, [np.nan, 291.9, 289.0, 288.1], [(1, 290.0)], [-7.0, 1.0, 2.0, 3.0], "...."),
-        (np.nan, [292.5, 291.0], [(0, 292.5)], [0.0, 1.0], ".."),
-        (292.5, [294.4, 290.6, np.nan, 294.6, 292.7], [(3, 294.6)], [0.0, 1.0, 1.0, 3.0, 4.0], "....."),
-        (275.0, [270.0, 271.0, 273.0], [(0, 270.0), (2, 273.0)], [0.0, 1.0, 2.0], "..."),
-        (290.0, [0.0, -40.0, 1e6, np.inf, 212.0], [], [-7.0] * 5, "xxxxx"),
-        (290.0, [233.0, 291.0, 233.0, 353.0], [], [-7.0, 1.0, 1.0, 1.0], "x.xx"),
-        (290.0, [296.5, np.nan, 290.0], [], [-7.0, -7.0, 2.0], "xx."),
-        (290.0, [296.3, 303.0, 301.4], [(0, 296.3), (2, 301.4)], [0.0, 0.0, 2.0], ".x."),
-    ],
-)
+@pytest.mark.parametrize(("used", "recorded", "changes", "aired", "refused"), CASES["temperatures"])
 def test_a_temperature_is_in_use_until_one_counts_that_differs_by_more_than_the_error_of_a_sensor(
     joint, used, recorded, changes, aired, refused
 ):
     before, time = start(joint)._replace(temperature=used, aired=-7.0), np.arange(float(len(recorded)))
     air = air_of_samples(joint, before, time, np.array(recorded))
-    assert (air.changes, air.aired.tolist()) == (changes, aired)
+    assert ([*map(list, air.changes)], air.aired.tolist()) == (changes, aired)
     assert "".join(".x"[int(is_refused)] for is_refused in air.refused) == refused
     refused_before = air_of_samples(joint, before._replace(air_refused=True), np.arange(2.0), None)
     assert refused_before.refused.all(), "until one counts"

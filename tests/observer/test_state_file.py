@@ -10,6 +10,9 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.setup import ADAPTS, WEARS
 from clutchid.observer import observe, read_state, start, write_state
+from fixtures.cases import table
+
+CASES = table(__file__, "test_state_file")
 
 
 @pytest.fixture(scope="module")
@@ -24,17 +27,7 @@ def spoiled(values, value):
     return other
 
 
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [
-        ("number = 700", "number = 701"),
-        ("mismatch = 1", "mismatch = 2"),
-        ("leaking = false", "leaking = true"),
-        ("spacing = 0.001", "spacing = 0.002"),
-        ("[sound]\ntheta = [\n", "[sound]\ntheta = [\n    0.5,\n"),
-        ("[tail]", "[tails]"),
-    ],
-)
+@pytest.mark.parametrize(("before", "after"), CASES["a_changed_entry_is_noticed_by_the_checksum"])
 def test_a_changed_entry_is_noticed_by_the_checksum(joint, state, tmp_path, before, after):
     path = tmp_path / "state.toml"
     write_state(joint, state, path)

@@ -4,35 +4,12 @@ import pytest
 
 from clutchid.model import Actuator
 from clutchid.parameters import Parameters
+from fixtures.cases import table
+
+CASES = table(__file__, "test_appendix")
 
 # printed name, ours, value, unit, a word of the printed description
-ROWS = [
-    ("A_A", "A_A", 12.3e-3, "m²", "area"),
-    ("A_B", "A_B", 11.848e-3, "m²", "area"),
-    ("V_{0,A}", "V_0A", 0.148e-3, "m³", "volume"),
-    ("V_{0,B}", "V_0B", 1.2e-4, "m³", "volume"),
-    ("P_0", "P_0", 1.095e5, "Pa", "ambient pressure"),
-    ("T_0", "T_0", 293, "K", "temperature"),
-    ("R", "R", 288, "J/(kg·K)", "gas constant of air"),
-    ("M", "M", 10, "kg", "mass of the piston"),
-    ("P_S", "P_S", 9e5, "Pa", "supply pressure"),
-    ("D_v", "D_v", 5000, "N·s/m", "viscous"),
-    ("K_z", "K_z", 1e6, "N/m", "stiffness"),
-    ("D_zdot", "D_zdot", 5000, "N·s/m", "damping"),
-    ("F_C", "F_C", 200, "N", "Coulomb friction"),
-    ("R_{0,vs}", "R_0vs", 0.07, "1", "supply valve"),
-    ("R_{0,ve}", "R_0ve", 0.07, "1", "exhaust valve"),
-    ("R_{1,vs}", "R_1vs", 0.93, "1", "supply valve"),
-    ("R_{1,ve}", "R_1ve", 0.93, "1", "exhaust valve"),
-    ("B_{vs}", "B_vs", 0.1, "1", "flow shape"),
-    ("B_{ve}", "B_ve", -0.7, "1", "flow shape"),
-    ("C_{vs}", "C_vs", 19e-9, "m³/(Pa·s)", "conductance"),
-    ("C_{ve}", "C_ve", 21.4e-9, "m³/(Pa·s)", "conductance"),
-    ("C_r", "C_r", 5e-8, "m³/(Pa·s)", "conductance"),
-    ("B_0", "B_0", 0.582, "1", "critical"),
-    ("B_{in}", "B_in", 0.5, "1", "flow shape"),
-    ("B_{out}", "B_out", 0.5, "1", "flow shape"),
-]
+ROWS = CASES["rows"]
 
 
 @pytest.mark.parametrize(("printed", "name", "value", "unit", "word"), ROWS, ids=[row[0] for row in ROWS])

@@ -13,6 +13,9 @@ from clutchid.model.compiled import kernels
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
 from clutchid.simulation.divergence import failing_term
+from fixtures.cases import table
+
+CASES = table(__file__, "test_divergence")
 
 pytestmark = pytest.mark.slow
 
@@ -49,17 +52,7 @@ def test_the_terms_are_those_of_the_kernels(variant):
         assert values[f"d_{name}"] == pytest.approx(rate, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("variant", "changes", "words"),
-    [
-        ("energy-balance", {"T_A": -5.0}, ["the term w_ve is not finite", "T_A = -5", "C_ve = ", "T_0 = 293 K"]),
-        ("energy-balance-stribeck", {"T_B": -1.0}, ["the term w_r is not finite", "T_B = -1", "C_r = 5e-08 m³/(Pa·s)"]),
-        ("isothermal", {"p_A": 0.0}, ["the term w_ve is not finite", "p_A = 0", "C_ve = "]),
-        ("isothermal", {"z": np.inf}, ["the term z_dot is not finite", "z = inf", "K_z = "]),
-        ("isothermal", {"y": 1e200}, ["the term f_l is not finite", "theta_2 = 1e+200 N/m"]),
-        ("isothermal", {"y": -0.148e-3 / 12.3e-3}, ["p_A", "V_A = ", "A_A = 0.0123 m²"]),
-    ],
-)
+@pytest.mark.parametrize(("variant", "changes", "words"), CASES["terms"])
 def test_the_first_term_that_is_not_finite_is_named_with_its_parameters(variant, changes, words):
     actuator = Actuator(model=variant)
     if "y" in changes and changes["y"] > 1:

@@ -10,7 +10,10 @@ from clutchid.model import Actuator
 from clutchid.simulation import Partition
 from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST_STRETCH, Segment, outside_stroke, plan
+from fixtures.cases import table
 from fixtures.changed_logs import spoiled
+
+CASES = table(__file__, "test_plan")
 
 N = 1000
 #: Stiffness in 1/s, here of no interest.
@@ -78,14 +81,7 @@ def test_of_a_short_recording_without_holes_every_sample_counts(truth):
 
 @pytest.mark.parametrize(
     ("low", "high", "warned", "alien"),
-    [
-        (-0.15, 25.9, False, False),  # mm; a sensor's zero and scale are off by so much
-        (-0.25, 20.0, True, False),
-        (0.0, 26.1, True, False),
-        (-4.9, 29.9, True, False),
-        (-5.1, 20.0, True, True),
-        (0.0, 30.1, True, True),
-    ],
+    CASES["positions"],
 )
 def test_a_position_a_little_outside_the_stroke_is_said_and_one_far_outside_is_another_unit(low, high, warned, alien):
     log = shut(400, position=1e-3 * np.repeat([low, high], 200))

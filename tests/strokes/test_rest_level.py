@@ -15,6 +15,9 @@ from clutchid.strokes.rest_level import (
     windows_of,
 )
 from clutchid.strokes.stream import StrokeSamples
+from fixtures.cases import table
+
+CASES = table(__file__, "test_rest_level")
 
 WIDTH = 15
 REACH = 22e-3
@@ -116,15 +119,7 @@ def test_a_rest_while_the_supply_is_open_is_no_vented_one():
 
 @pytest.mark.parametrize(
     ("reach", "noise", "quantum", "width", "value"),
-    [
-        (np.nan, 1e-4, 0.0, "band", 2e-4),
-        (1e-3, 1e-6, 1e-4, "band", 1.5e-4),
-        (20e-3, 1e-6, 1e-6, "band", 4e-4),
-        (20e-3, 1e-6, 1e-6, "near", 1.2e-6),
-        (20e-3, 1e-7, 1e-6, "near", 1.01e-6),
-        (20e-3, 1e-6, 1e-6, "creep", 2e-4),
-        (np.nan, 1e-6, 1e-4, "creep", 2e-4),
-    ],
+    CASES["bands"],
 )
 def test_the_band_of_the_rest_is_as_wide_as_noise_quantum_or_reach_need(reach, noise, quantum, width, value):
     assert getattr(RestLevel(0.0, reach, noise, quantum), width) == pytest.approx(value, rel=1e-12)

@@ -12,6 +12,9 @@ from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, respond, truck, write_truth
 from clutchid.truck.running import run_truck
 from clutchid.truck.settings import Course
+from fixtures.cases import table
+
+CASES = table(__file__, "test_drive")
 
 pytestmark = pytest.mark.slow
 
@@ -183,28 +186,7 @@ def test_a_warm_process_drives_without_the_library_of_formulas():
     assert any(subprocess.run([sys.executable, "-c", script], check=False).returncode == 0 for _ in range(2))
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"manoeuvre": "gearshift"}, "did you mean 'gear-shift'"),
-        ({"wear": 9e-3}, "exceeds the facing"),
-        ({"wear": -1e-3}, "at least 0"),
-        ({"seconds": 0.0}, "0.5 to 3600"),
-        ({"seconds": float("nan")}, "0.5 to 3600"),
-        ({"seed": -1}, "at least 0"),
-        ({"dropouts": -1}, "at least 0"),
-        ({"dropouts": 10**9}, "at most 20 a second"),
-        ({"stuck": (3.0, 2.0)}, "start before end"),
-        ({"recorder": "tape"}, "controller, bus"),
-        ({"temperature": 20.0}, "at least 213.15"),
-        ({"offset": 0.3}, "offset = 300 mm: at most 5 mm"),
-        ({"offset": float("nan")}, "offset = nan mm"),
-        ({"sensor_zero": "moved"}, "sensor_zero = 'moved': no sensor_zero 'moved'. Known are learned, kept."),
-        ({"late": 0.5e-3}, "late = 0.5 ms: must be a whole number of ms"),
-        ({"late": -1e-3}, "late = -1 ms"),
-        ({"late": float("nan")}, "late = nan ms"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), CASES["a_drive_that_cannot_be_is_refused_in_one_sentence"])
 def test_a_drive_that_cannot_be_is_refused_in_one_sentence(options, words):
     with pytest.raises(ParameterError, match=words) as caught:
         drive(Truck(), **options)

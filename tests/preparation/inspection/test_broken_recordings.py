@@ -10,7 +10,10 @@ from clutchid.measurements.source import VENTED_KEY
 from clutchid.model import Actuator, Load
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import respond, truck
+from fixtures.cases import table
 from fixtures.changed_logs import spoiled, thinned
+
+CASES = table(__file__, "test_broken_recordings")
 
 TRUCKS = (1, 5, 16)
 
@@ -69,18 +72,7 @@ def test_a_position_of_another_time_axis_has_no_sign(recorded, check_of):
     assert check_of(log.with_columns(position=log["position"][::-1]), "sign of position").grade == "suspect"
 
 
-@pytest.mark.parametrize(
-    ("scale", "zero", "sentence"),
-    [
-        (1e-5, 0.0, "looks like bar:"),
-        (1e-3, 0.0, "looks like kPa:"),
-        (1e-2, 0.0, "looks like hPa or mbar:"),
-        (1 / 6894.757, 0.0, "looks like psi:"),
-        (1.0, "vented", "looks like Pa(g):"),
-        (1e-5, "vented", "looks like bar(g):"),
-        (1.0, -1e9, "check its unit"),
-    ],
-)
+@pytest.mark.parametrize(("scale", "zero", "sentence"), CASES["pressures"])
 def test_another_unit_and_another_zero_of_the_pressure_are_named(recorded, check_of, scale, zero, sentence):
     log = recorded(5)
     zero = np.quantile(log["pressure_a"], 0.05) if zero == "vented" else zero
@@ -101,24 +93,7 @@ def test_an_absolute_pressure_under_a_gauge_unit_is_named(recorded, check_of, wr
 
 
 #: Channel, factor of a wrong unit, the check that names it, and what its sentence says.
-FACTORS = [
-    ("pressure_a", 1e-5, "unit of pressure_a", "looks like bar"),
-    ("pressure_a", 1e-2, "unit of pressure_a", "looks like hPa or mbar"),
-    ("pressure_a", 10.0, "unit of pressure_a", "check its unit and its zero"),
-    ("pressure_a", 100.0, "unit of pressure_a", "check its unit and its zero"),
-    ("pressure_a", 1000.0, "unit of pressure_a", "check its unit and its zero"),
-    ("pressure_supply", 1e-2, "values of pressure_supply", "correct the unit in its heading"),
-    ("pressure_supply", 10.0, "values of pressure_supply", "correct the unit in its heading"),
-    ("pressure_supply", 100.0, "values of pressure_supply", "correct the unit in its heading"),
-    ("position", 1e-3, "motion", "the unit of the position"),
-    ("position", 0.1, "range of position", "check its unit, which may be ten times as large"),
-    ("position", 10.0, "range of position", "check its unit"),
-    ("position", 1e3, "range of position", "check its unit"),
-    ("duty_supply", 1e-2, "motion", "duty_supply never exceeds 1 %"),
-    ("duty_exhaust", 1e-2, "motion", "duty_exhaust never exceeds 1 %"),
-    ("time", 1e3, "sample rate", "write the unit of the time as ms"),
-    ("time", 1e-3, "sample rate", "correct the unit of the time"),
-]
+FACTORS = CASES["factors"]
 
 
 @pytest.mark.parametrize(("name", "factor", "check", "sentence"), FACTORS)
