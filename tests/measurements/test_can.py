@@ -2,6 +2,7 @@
 
 import random
 from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,47 +23,14 @@ WRITERS = {"blf": can.BLFWriter, "asc": can.ASCWriter, "mf4": can.MF4Writer}
 #: Half of the last digit that each format keeps of a stamp, and the rounding of a stamp of 1.7e9 s by the writer.
 RESOLUTION = {"blf": 5e-10 + 3e-7, "asc": 5e-7 + 3e-7, "mf4": 3e-7}
 
-DBC = """VERSION ""
-
-NS_ :
-
-BS_:
-
-BU_: ECU
-
-BO_ 2364540158 EEC1: 8 ECU
- SG_ EngineSpeed : 24|16@1+ (0.125,0) [0|8031.875] "rpm" ECU
-
-BO_ 2348810494 TSC1: 8 ECU
- SG_ Torque : 24|8@1+ (1,-125) [-125|125] "%" ECU
-
-BO_ 2583168510 Position: 51 ECU
- SG_ Far : 400|8@1+ (1,0) [0|0] "" ECU
-
-BO_ 256 Clutch: 8 ECU
- SG_ Mode M : 0|8@1+ (1,0) [0|0] "" ECU
- SG_ Travel m0 : 15|16@0- (0.01,0) [0|0] "mm" ECU
- SG_ Pressure m1 : 8|32@1- (1,0) [0|0] "bar" ECU
-
-BO_ 257 Long: 64 ECU
- SG_ Far : 504|8@1+ (1,0) [0|0] "" ECU
-
-CM_ SG_ 256 Travel "Of the release bearing";
-BA_DEF_ BO_  "VFrameFormat" ENUM  "StandardCAN","ExtendedCAN","reserved","J1939PG";
-BA_DEF_DEF_  "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 2364540158 3;
-BA_ "VFrameFormat" BO_ 2348810494 3;
-BA_ "VFrameFormat" BO_ 2583168510 3;
-SIG_VALTYPE_ 256 Pressure : 1;
-"""
+TEXTS = Path(__file__).with_name("texts")
+DBC, ASC, TRC = ((TEXTS / name).read_text() for name in ("bus.dbc", "run.asc", "run.trc"))
 
 
 @pytest.fixture
-def dbc(tmp_path):
+def dbc():
     """A DBC with J1939 messages, a multiplexed one and a long one."""
-    path = tmp_path / "bus.dbc"
-    path.write_text(DBC)
-    return path
+    return TEXTS / "bus.dbc"
 
 
 @pytest.fixture
@@ -300,22 +268,9 @@ def test_formats_are_told_by_content(logged, tmp_path):
     assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)
 
 
-ASC = """date Mit Okt 4 15:06:13.191 2017
-base hex  timestamps {kind}
-internal events logged
-// a comment
-   0.100000 Start of measurement
-   0.100000 1  18F00400x       Rx   d 8 00 00 00 20 1C 00 00 00
-   0.100000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.00%
-   0.100000 1  18F00400x       Rx   d 8 00 00 00 zz 1C 00 00 00
-   0.300000 2  18F00400x       Rx   d 8 00 00 00 20 1C 00 00 00
-   0.300000 1  18F00400x       Rx   d 8 00 00 00 40 1C 00 00 00
-"""
-
-
 @pytest.mark.parametrize(("kind", "stamps"), [("absolute", [0.0, 0.2]), ("relative", [0.0, 0.8])])
 def test_an_asc_log_counts_stamps_from_its_start_and_passes_over_lines_that_cannot_be_read(save, dbc, kind, stamps):
-    source = open_file(save(ASC.format(kind=kind), "run.asc"), [dbc])
+    source = open_file(save(ASC.replace("absolute", kind), "run.asc"), [dbc])
     assert [raster.name for raster in source.rasters] == ["EEC1 (CAN1)", "EEC1 (CAN2)"]
     numbers = numbers_of(source, 0)
     np.testing.assert_array_equal(numbers["EngineSpeed"], [900.0, 904.0])
@@ -326,32 +281,20 @@ def test_an_asc_log_counts_stamps_from_its_start_and_passes_over_lines_that_cann
 
 
 def test_an_asc_log_without_a_date_says_that_it_has_no_absolute_time(save, dbc):
-    source = open_file(save(ASC.format(kind="absolute").split("\n", 1)[1], "run.asc"), [dbc])
+    source = open_file(save(ASC.split("\n", 1)[1], "run.asc"), [dbc])
     assert "start" not in source.metadata
     assert source.warnings[0] == "does not say when it was recorded: its stamps count from its first frame only."
 
 
 @pytest.mark.parametrize("kind", ["absolute", "relative"])
 def test_an_asc_log_whose_header_does_not_speak_of_internal_events_keeps_its_first_frame(save, dbc, kind):
-    lines = ASC.format(kind=kind).splitlines(keepends=True)
+    lines = ASC.replace("absolute", kind).splitlines(keepends=True)
     whole = numbers_of(open_file(save("".join(lines), "run.asc"), [dbc]), 0)
     without = numbers_of(open_file(save("".join([*lines[:2], *lines[5:]]), "run.asc"), [dbc]), 0)
     np.testing.assert_allclose(without["time"], whole["time"], rtol=0, atol=1e-9)
     np.testing.assert_array_equal(without["EngineSpeed"], whole["EngineSpeed"])
     single = open_file(save("".join([*lines[:2], lines[5]]), "run.asc"), [dbc])
     assert numbers_of(single, 0)["EngineSpeed"].tolist() == [900.0]
-
-
-TRC = """;$FILEVERSION=1.1
-;$STARTTIME=45000.5
-;
-;   Message Number
-;---+--   ----+----  --+--  ----+---  +  -+ -- -- -- -- -- -- --
-     1)       100.1  Rx     0CF00400  8  00 00 00 20 1C 00 00 00
-     2)       200.3  Rx     0CF00400  8  00 00 00 zz 1C 00 00 00
-     3)       300.3  Rx     0CF00400  8  00 00 00 40 1C 00 00 00
-     4)       300.4  Rx         0100  2  01 00
-"""
 
 
 def test_lines_of_an_asc_log_that_hold_no_payload_are_told_apart(save, dbc):
@@ -362,7 +305,7 @@ def test_lines_of_an_asc_log_that_hold_no_payload_are_told_apart(save, dbc):
    0.9 1  18F00400x       Rx   d 4 00 00 00 20
   -1.0 CANFD   1 Rx  ErrorFrame 0 0
 """
-    source = open_file(save(ASC.format(kind="absolute") + lines, "run.asc"), [dbc])
+    source = open_file(save(ASC + lines, "run.asc"), [dbc])
     counts = {"2 error frames are left out.", "2 remote frames are left out.", "1 unreadable line is left out."}
     assert counts <= set(source.warnings)
     np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [900.0, 904.0, 900.25, np.nan])
@@ -376,7 +319,7 @@ def test_frames_of_an_asc_log_that_are_only_asked_for_are_no_frames_and_rx_may_b
    0.5 CANFD   1 Tx        100  0 0 1 1 01
    0.6 CANFD   1 rx        100  0 0 1 1 01
 """
-    log = frame_log(save(ASC.format(kind="absolute").rsplit("\n", 6)[0] + "\n" + lines, "run.asc"))
+    log = frame_log(save(ASC.rsplit("\n", 6)[0] + "\n" + lines, "run.asc"))
     (block,) = log.blocks()
     assert block.stamp.tolist() == [0.2, 0.3, 0.5, 0.6]
     assert block.sent.tolist() == [True, False, True, False]

@@ -3,6 +3,7 @@
 import contextlib
 import math
 import random
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,23 +21,7 @@ J1939 = (
     'BA_DEF_ BO_  "VFrameFormat" ENUM  "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
     'BA_DEF_DEF_  "VFrameFormat" "J1939PG";\n'
 )
-EXTENDED = """BO_ 100 Muxed: 8 ECU
- SG_ Outer M : 0|4@1+ (1,0) [0|0] "" ECU
- SG_ Inner m1M : 4|4@1+ (1,0) [0|0] "" ECU
- SG_ Always : 56|8@1+ (1,0) [0|0] "" ECU
- SG_ Zero m0 : 8|16@1+ (0.5,1) [0|0] "bar" ECU
- SG_ Deep m2 : 15|12@0- (0.25,-3) [0|0] "mm" ECU
- SG_ Wide m3 : 40|16@1- (2,7) [0|0] "" ECU
- SG_ Rest m4 : 8|7@1+ (1,0) [0|0] "" ECU
- SG_ Other m0 : 30|5@0+ (1,0) [0|0] "" ECU
-
-SG_MUL_VAL_ 100 Inner Outer 1-1, 5-6;
-SG_MUL_VAL_ 100 Zero Outer 0-0;
-SG_MUL_VAL_ 100 Deep Inner 2-4, 9-9;
-SG_MUL_VAL_ 100 Wide Outer 3-3, 8-15;
-SG_MUL_VAL_ 100 Rest Outer 2-2, 4-4, 7-7;
-SG_MUL_VAL_ 100 Other Inner 0-1, 5-8, 10-15;
-"""
+MUXED, CODES = (Path(__file__).with_name("texts").joinpath(name).read_text() for name in ("muxed.dbc", "codes.dbc"))
 
 
 def dbc_of(signals: list[str], name: str = "Any") -> str:
@@ -90,20 +75,20 @@ def means_none(signal, raw):
 @example(payload=bytes([0, 0xFF, 0xFF, 0, 0, 0, 0, 0xFF]))
 @given(payload=st.binary(min_size=8, max_size=8))
 def test_signals_under_several_selectors_are_those_of_cantools(payload):
-    theirs = cantools.database.load_string(HEAD + EXTENDED, "dbc").messages[0]
+    theirs = cantools.database.load_string(MUXED, "dbc").messages[0]
     raw = theirs.decode(payload, scaling=False)
     expected = {
         name: math.nan if means_none(theirs.get_signal_by_name(name), raw[name]) else value
         for name, value in theirs.decode(payload, decode_choices=False).items()
     }
     data, length = np.frombuffer(payload, dtype=np.uint8).reshape(1, 8), np.array([8])
-    pages = [page for page in messages_in(HEAD + EXTENDED)[0].groups if present(page, data, length)[0]]
+    pages = [page for page in messages_in(MUXED)[0].groups if present(page, data, length)[0]]
     decoded = {s.name: decode(s, data, length)[0] for page in pages for s in page.signals}
     assert decoded == pytest.approx(expected, rel=0.0, abs=0.0, nan_ok=True)
 
 
 def test_the_pages_of_a_multiplexed_message_are_named_by_what_selects_them():
-    pages = messages_in(HEAD + EXTENDED)[0].groups
+    pages = messages_in(MUXED)[0].groups
     assert {page.name: {signal.name for signal in page.signals} for page in pages} == {
         "": {"Outer", "Always"},
         "Outer=0": {"Zero"},
@@ -194,7 +179,7 @@ def test_umlauts_are_read_from_either_encoding(tmp_path):
         (HEAD, "holds no messages"),
         ("", "holds no messages"),
         ("time [s],position [m]\n0,1\n", "line 1, column 1"),
-        (HEAD + EXTENDED.replace("8-15", "8-4294967295"), "line 22: more than 65,536"),
+        (MUXED.replace("8-15", "8-4294967295"), "line 22: more than 65,536"),
         ('<!DOCTYPE x [<!ENTITY a "b">]><NetworkDefinition>&a;</NetworkDefinition>', "declares XML entities"),
         ("FormatVersion=5.0 // x\n", "cannot be read as SYM .*Only SYM version 6.0"),
     ],
@@ -247,17 +232,6 @@ def test_databases_of_all_formats_decode_as_cantools_does(data):
                         assert missing or same, (path, name)
                         counts[path.suffix.lower()] += 1
     assert all(count > 10 for count in counts.values()), counts
-
-
-CODES = """VERSION ""
-BO_ 256 M: 8 TCU
- SG_ Said : 0|16@1+ (0.001,0) [0|0] "mm" LOG
- SG_ Ranged : 16|16@1+ (0.001,-1) [-1|64] "mm" LOG
- SG_ Full : 32|8@1+ (0.392156863,0) [0|0] "%" LOG
- SG_ Signed : 40|16@1- (0.01,0) [-300|300] "bar" LOG
- SG_ State : 56|2@1+ (1,0) [0|3] "" LOG
-VAL_ 256 Said 4660 "Signal not available" 4661 "Sensor_Error" 0 "No error" ;
-"""
 
 
 @pytest.mark.parametrize(
