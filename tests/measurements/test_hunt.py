@@ -1,6 +1,7 @@
 """Inputs that bug reports of other tools suggested: each is read right, or refused in one true sentence."""
 
 import gzip
+import re
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from clutchid.measurements.live.text import text_blocks
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 from clutchid.preparation.inspection import inspect
 from clutchid.strokes.values import values_of
+from fixtures.cases import cases
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -43,6 +45,25 @@ def drive(hunt):
     return read(hunt / "07d_midnight.csv")
 
 
+@pytest.mark.parametrize("case", cases(__file__, "hunt"))
+def test_an_input_is_read_right_or_refused_in_a_true_sentence(hunt, trigger, drive, case):
+    dbc = [hunt / case["dbc"]] if "dbc" in case else ()
+    if "refused" in case:
+        with pytest.raises(DataError, match=re.escape(case["refused"])):
+            read(hunt / case["file"], dbc=dbc)
+        return
+    log = read(hunt / case["file"], dbc=dbc)
+    if "like" in case:
+        position = {"trigger": trigger, "drive": drive}[case["like"]]["position"][: case.get("first")]
+        assert np.allclose(log["position"], np.delete(position, case.get("without", [])), rtol=0, atol=1e-9)
+    if "interval" in case:
+        assert np.allclose(np.diff(log.time), case["interval"], rtol=0, atol=case.get("slack", 1e-9))
+    assert log.time.size == case.get("samples", log.time.size)
+    assert np.count_nonzero(np.isnan(log["position"])) == case.get("missing", 0)
+    assert np.nanmax(log["duty_supply"]) == 1.0
+    assert any(case.get("warning", "") in sentence for sentence in (*log.warnings, ""))
+
+
 def test_stamps_before_a_trigger_are_negative(hunt, trigger):
     """09c, 10b."""
     assert trigger.time[[0, -1]] == pytest.approx([-1.0, 1.998])
@@ -66,34 +87,12 @@ def test_a_clock_that_restarts_moves_all_messages_by_one_shift(hunt, trigger):
     assert any("the clock restarts at frame 1101" in sentence for sentence in log.warnings)
 
 
-def test_a_lone_stamp_ahead_is_left_out(hunt, trigger):
-    """41."""
-    log = on_bus(hunt, "41_one_stamp_ahead.asc")
-    assert np.array_equal(log["position"], np.delete(trigger["position"], 500))
-    assert log.time[-1] == pytest.approx(2.998)
-    assert np.isfinite(log["duty_supply"][1:]).all()
-    assert any("left out: frame 1001 (7 s after 0.9981 s)" in sentence for sentence in log.warnings)
-
-
 def test_a_jump_ahead_and_back_makes_no_grid_of_a_hole(hunt, trigger):
     """10h."""
     log = on_bus(hunt, "10h_jump_forward_and_back.asc", channels=hunt / "map10h.toml")
     assert log.time.size == pytest.approx(3000, abs=2)
     assert np.array_equal(log["position"][::2], trigger["position"])
     assert any("jumps at frame 701" in sentence for sentence in log.warnings)
-
-
-def test_a_time_of_day_goes_on_over_midnight(drive):
-    """07d."""
-    assert np.allclose(np.diff(drive.time), 0.002, rtol=0, atol=1e-9)
-    assert any("midnight" in sentence for sentence in drive.warnings)
-
-
-def test_stamps_in_bursts_get_the_mean_rate(hunt):
-    """40."""
-    log = read(hunt / "40_burst_stamps.parquet")
-    assert np.allclose(np.diff(log.time), 1e-3, rtol=1e-4, atol=0)
-    assert any("arrive in bursts of 16 every 0.0156 s" in sentence for sentence in log.warnings)
 
 
 @pytest.mark.parametrize("mapped", [False, True])
@@ -125,16 +124,6 @@ def test_a_value_belongs_to_the_time_column_before_it(hunt, drive, name, mapped)
         assert np.isfinite(log["duty_supply"][log.time >= 0.14]).mean() > 0.95
 
 
-def test_a_duty_cycle_or_time_without_a_unit_under_its_standard_name_is_guessed_with_a_remark(hunt):
-    """17, 24b."""
-    log = read(hunt / "17_virtual_master.mf4")
-    assert "duty_supply: 'duty_supply' has no unit; [1] is guessed from its range." in log.warnings
-    assert log["duty_supply"].max() == 1.0
-    row = read(hunt / "24b_row_int16.mat")
-    assert np.allclose(np.diff(row.time), 0.002, rtol=0, atol=1e-6)
-    assert any(sentence.startswith("time: 'time' has no unit; [s] is guessed.") for sentence in row.warnings)
-
-
 def test_timetables_of_a_file_share_one_zero(hunt):
     """23: the second starts 0.13 s later."""
     pytest.importorskip("matio")
@@ -144,81 +133,6 @@ def test_timetables_of_a_file_share_one_zero(hunt):
     assert log.edges["duty_supply"][0][0] == pytest.approx(0.13, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", ["01a_date_preamble.csv", "01c_date_column_first.csv"])
-def test_a_table_with_a_date_is_no_bus_log(hunt, name):
-    """01a, 01c."""
-    log = read(hunt / name)
-    assert log.time.size == 2500
-    assert np.allclose(np.diff(log.time), 0.002, rtol=0, atol=1e-9)
-
-
-def test_codes_of_a_value_table_are_missing_and_said(hunt):
-    """29: 65535 is SNA."""
-    log = on_bus(hunt, "29_sna.asc", "29_sna.dbc")
-    assert np.nanmax(log["position"]) < 0.023
-    assert np.count_nonzero(np.isnan(log["position"])) == 25
-    assert any("25 frames say that there is no value" in sentence for sentence in log.warnings)
-    plain = on_bus(hunt, "29_sna.asc")
-    assert np.array_equal(plain["position"], log["position"], equal_nan=True), "all ones lie outside the range"
-
-
-def test_frames_in_other_logs_are_those_of_asc(hunt, trigger, drive):
-    """15a, 34: candump, and a table of GVRET."""
-    candump = on_bus(hunt, "15a_candump.log")
-    assert np.array_equal(candump["position"], trigger["position"])
-    assert np.allclose(candump.time, np.arange(1500) * 0.002, rtol=0, atol=1e-9)
-    table = on_bus(hunt, "34_gvret.csv")
-    assert np.allclose(table["position"], drive["position"][:600], rtol=0, atol=1e-9)
-    assert np.allclose(np.diff(table.time), 0.002, rtol=0, atol=1e-9)
-    with pytest.raises(DataError, match=r"holds raw frames \(1,200\) of 2 identifiers; give the DBC with --dbc FILE"):
-        read(hunt / "34_gvret.csv")
-    with pytest.raises(DataError, match="is Parquet with channels, not a log of frames, so that a DBC decodes nothing"):
-        on_bus(hunt, "25r_spikes.parquet")
-
-
-def test_frames_that_a_logger_sent_and_received_are_used_once(hunt, drive):
-    """32."""
-    log = on_bus(hunt, "32_tx_rx_echo.asc")
-    assert log.time.size == 850
-    assert np.allclose(log["position"], drive["position"][:850], rtol=0, atol=1e-9)
-    assert any("1,700 frames are in the log twice, as sent and as received" in sentence for sentence in log.warnings)
-
-
-def test_two_buses_with_the_same_identifiers_are_named(hunt):
-    """31."""
-    with pytest.raises(DataError, match=r"of 'ClutchState \(CAN1\)' is proposed, but .* of 'ClutchState \(CAN2\)'"):
-        on_bus(hunt, "31_two_buses.asc")
-
-
-def test_a_message_for_any_sender_is_matched_by_its_group(hunt, trigger):
-    """11a: a DBC that does not say J1939 has the address 0xFE."""
-    log = on_bus(hunt, "11a_two_senders.asc", "10_j1939_noattr.dbc")
-    assert np.array_equal(log["position"], trigger["position"][:898])
-
-
-def test_a_separator_fits_the_lines_below_the_header(hunt, drive):
-    """02a."""
-    log = read(hunt / "02a_comma_blank_header.csv")
-    assert np.allclose(log["position"], drive["position"], rtol=0, atol=1e-9)
-    assert log["duty_supply"].max() == 1.0
-
-
-def test_points_that_group_thousands_are_refused(hunt):
-    """04c."""
-    with pytest.raises(
-        DataError, match=r"column 'position \[um\]' has '12' and '13\.512': points that group thousands"
-    ):
-        read(hunt / "04c_thousands_stamps.csv")
-
-
-@pytest.mark.parametrize("name", ["07a_us_ampm.csv", "07e_hmsms_colon.csv"])
-def test_times_of_day_in_other_spellings_are_read(hunt, drive, name):
-    """07a, 07e."""
-    log = read(hunt / name)
-    assert np.allclose(log.time, drive.time, rtol=0, atol=1e-9)
-    assert np.array_equal(log["position"], drive["position"])
-
-
 def test_a_bracket_that_is_an_index_is_no_unit_where_a_row_of_units_stands(hunt, drive):
     """26g."""
     names = {"time": "Time", "position": "POS[1]", "duty_supply": "PWM[0]", "duty_exhaust": "PWM[1]"}
@@ -226,13 +140,6 @@ def test_a_bracket_that_is_an_index_is_no_unit_where_a_row_of_units_stands(hunt,
     size = log.time.size
     assert np.allclose(log["position"], drive["position"][:size], rtol=0, atol=1e-9)
     assert np.allclose(log["duty_supply"], drive["duty_supply"][:size], rtol=0, atol=1e-9)
-
-
-def test_channels_of_a_modelica_result_have_their_names(hunt, trigger):
-    """22a."""
-    log = read(hunt / "22a_modelica_bintrans.mat")
-    assert np.allclose(log["position"], trigger["position"], rtol=0, atol=1e-9)
-    assert any("position = 'actuator.position'" in sentence for sentence in log.warnings)
 
 
 def test_objects_with_keys_missing_give_each_channel_its_own_samples(hunt):
