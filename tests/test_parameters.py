@@ -9,9 +9,9 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.names import unknown_name
 from clutchid.parameters import Parameters
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_parameters")
+CASES = case_tables(__file__, "test_parameters")
 
 
 def test_a_negative_conductance_is_refused_in_the_words_of_the_design():

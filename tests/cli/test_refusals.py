@@ -5,7 +5,7 @@ import shlex
 import pytest
 
 from clutchid.measurements import read, write
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.changed_logs import thinned
 
 pytestmark = pytest.mark.slow
@@ -23,7 +23,9 @@ def inputs(folder, tmp_path_factory):
     return made
 
 
-@pytest.mark.parametrize(("line", "words"), [(line, words) for line, *words in table(__file__, "refusals")["commands"]])
+@pytest.mark.parametrize(
+    ("line", "words"), [(line, words) for line, *words in case_tables(__file__, "refusals")["commands"]]
+)
 def test_bad_input_is_one_sentence_and_exit_code_two(command, inputs, line, words):
     before = {path.name: path.read_bytes() for path in inputs.iterdir()}
     arguments = [word.replace("NAME", inputs.name) for word in shlex.split(line)]

@@ -8,9 +8,9 @@ import sympy as sp
 from clutchid.codegen.latex import expression_latex, latex_source, letters
 from clutchid.codegen.system import System, TabulatedFunction
 from clutchid.model.isothermal import isothermal
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_latex")
+CASES = case_tables(__file__, "test_latex")
 
 
 @pytest.mark.parametrize(("name", "latex"), CASES["names_are_written_as_in_the_paper"])

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.once import fits_once
 from fixtures.programs import path_of
 
-CASES = table(__file__, "test_console_blocks")
+CASES = case_tables(__file__, "test_console_blocks")
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,10 @@ from clutchid.estimation.parameter_file import (
 from clutchid.inference.uncertainty.calibration import Calibration, Origin, PositionOnlyErrors
 from clutchid.inference.uncertainty.conditions import NOT_RECORDED, RecordedConditions
 from clutchid.model import Actuator
+from fixtures.cases import case_tables
 from fixtures.sentences import one_sentence
+
+CASES = case_tables(__file__, "test_calibration_section")
 
 #: A calibration of one parameter and of the load, and its section in a file.
 KEPT = Calibration(
@@ -74,37 +77,14 @@ def test_a_calibration_that_saw_no_settled_rest_keeps_that_and_an_older_file_saw
     assert read_parameters(tmp_path / "OLDER.toml").calibration.vented is True
 
 
-def changed_errors(**entries):
-    """Section of the errors of position alone with some entries changed; None leaves one out."""
+def changed_errors(without="", **entries):
+    """Section of the errors of position alone with some entries changed, and without one."""
     section = calibration_section(KEPT)
-    section["position_only"] = {k: v for k, v in {**section["position_only"], **entries}.items() if v is not None}
+    section["position_only"] = {k: v for k, v in {**section["position_only"], **entries}.items() if k != without}
     return section
 
 
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {"shifts": None},
-        {"hypotheses": None},
-        {"dispersion": None},
-        {"hypotheses": []},
-        {"hypotheses": [], "shifts": [], "log_evidence": []},
-        {"hypotheses": 5},
-        {"hypotheses": [["valves"], [], ["supply pressure"]]},
-        {"hypotheses": [[], [], ["valves"]]},
-        {"names": ["theta_1", "theta_1", "C_vs"]},
-        {"names": ["theta_1"]},
-        {"shifts": [[1.0, 2.0, 3.0]]},
-        {"shifts": [[1.0, 2.0, float("nan")]] * 3},
-        {"shifts": [["x", 2.0, 3.0]] * 3},
-        {"log_evidence": [0.0]},
-        {"log_evidence": [0.0, float("inf"), 1.0]},
-        {"dispersion": 0.0},
-        {"dispersion": float("inf")},
-        {"dispersion": "wide"},
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("entries", CASES["errors"], ids=str)
 def test_errors_of_position_alone_that_are_wrong_are_one_sentence(entries, tmp_path):
     path = tmp_path / "CAL.toml"
     write_parameters(ParameterFile(Actuator(), {}, {"calibration": changed_errors(**entries)}), path)
@@ -113,46 +93,7 @@ def test_errors_of_position_alone_that_are_wrong_are_one_sentence(entries, tmp_p
     assert message.endswith("save the calibration again.")
 
 
-EYE = np.eye(3).tolist()
-BOTH = "[fit.calibration]\nnames = ['C_vs', 'F_C']\ncovariance = "
-CONDITIONS = f"{SECTION}[fit.calibration.conditions]\n"
-WANTED = "temperature in K, supply and supply_estimated in Pa, above 0"
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (
-            f"{SECTION}positions_only = 5",
-            "no entry of [fit.calibration] 'positions_only'; did you mean 'position_only'",
-        ),
-        (f"{SECTION}position_only = 5", "[fit.calibration.position_only]: hypotheses"),
-        (f"{SECTION}theta = [1.0, 2.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", "2 numbers for 3 load weights"),
-        (f"{SECTION}theta = [1.0, 2.0, 3.0]", "theta: finite load weights"),
-        (f"{SECTION}theta_covariance = [[1.0]]", "square theta_covariance"),
-        (f"{SECTION}theta = [1.0, 2.0, 3.0]\ntheta_covariance = [[1.0, 0.0], [0.0, 1.0]]", "square theta_covariance"),
-        (f"{SECTION}theta = [1.0, nan, 3.0]\ntheta_covariance = {EYE}", "finite load weights"),
-        (f"{SECTION}theta = [1.0, 'x', 3.0]\ntheta_covariance = {EYE}", "finite load weights"),
-        (f"{SECTION}theta = [1{400 * '0'}, 2, 3]\ntheta_covariance = {EYE}", "finite load weights"),
-        (f"{SECTION}theta = 5", "finite load weights"),
-        (f"{SECTION}missed = -1.0", "missed = -1.0: a number of N, 0 or above, is needed; save the calibration again"),
-        (f"{SECTION}missed = nan", "a number of N, 0 or above, is needed"),
-        (f"{SECTION}missed = 'much'", "a number of N, 0 or above, is needed"),
-        (f"{CONDITIONS}temperature = 'warm'", WANTED),
-        (f"{CONDITIONS}supply = -1.0", WANTED),
-        (f"{CONDITIONS}humidity = 0.5", WANTED),
-        (f"{CONDITIONS}temperature = true", WANTED),
-        (f"{BOTH}[[nan, 0], [0, 1]]", "not finite"),
-        (f"{BOTH}[[1e-20, inf], [inf, 1]]", "not finite"),
-        (f"{BOTH}[[-1e-20, 0], [0, 1]]", "covariance: the variance of C_vs is -1e-20, from 0 to 1e-10"),
-        (f"{BOTH}[[1e300, 0], [0, 1]]", "the variance of C_vs is 1e+300"),
-        (f"{BOTH}[[1e-20, 0], [0, 1e300]]", "the variance of F_C is 1e+300"),
-        (f"{BOTH}[[1e-20, 1e-11], [0, 1]]", "is not symmetric"),
-        (f"{BOTH}[[1e-20, 2e-10], [2e-10, 1]]", "correlations beyond -1 to 1"),
-        (f"[parameters]\nC_vs = 0.0\n{SECTION}", "[parameters] C_vs = 0 m³/(Pa·s): a calibrated valve passes air"),
-        (f"[parameters]\nC_ve = 0.0\n{SECTION}", "[parameters] C_ve = 0 m³/(Pa·s): a calibrated valve passes air"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), CASES["sections"])
 def test_a_calibration_that_is_wrong_is_one_sentence(text, words, tmp_path):
     path = tmp_path / "CAL.toml"
     path.write_text(f"{text}\n")

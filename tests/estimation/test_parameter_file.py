@@ -14,11 +14,12 @@ from clutchid.model import Actuator, Load
 from clutchid.model.variants import VARIANTS
 from clutchid.model.weighted_load import DEFAULT_KNOTS
 from clutchid.parameters import Parameters
+from fixtures.cases import case_tables
 from fixtures.sentences import one_sentence
 
-#: A load on two knots, the four weights that it needs, and an actuator of another drawing without them.
-SPLINE = "[model]\nload_basis = 'b-spline'\nknots = [0.0, 0.02]\n"
-CYLINDER = "[actuator]\nchamber_b = false\n[parameters]\nA_A = 0.002\nV_0A = 1e-5\nM = 1.0\ny_max = 0.05\n"
+CASES = case_tables(__file__, "test_parameter_file")
+
+#: Weights of a load on two knots.
 WEIGHTS = "[parameters]\ntheta_1 = 1.0\ntheta_2 = 2.0\ntheta_3 = 3.0\ntheta_4 = 4.0\n"
 
 KEPT = {"data": {"worn 1": "abc"}}
@@ -72,57 +73,7 @@ def test_a_file_with_few_knots_and_many_weights_has_one_problem(tmp_path):
     assert "'C_sv'" in message
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[recording]\nworn1 = 5\n", ["[recording] worn1 = 5", "a section [recording.'worn1']"]),
-        ("[recording.a]\nposition_start = 0.0\n", ["[recording.'a'] position_start = 0.0", "a list of finite numbers"]),
-        ("[parameters]\nC_vs = -1.9e-8\n", ["C_vs = -1.9e-08", "at least 0", "Appendix A"]),
-        ("[parameter]\nC_vs = 1.9e-8\n", ["parameter", "parameters"]),
-        ("[parameters]\nM = 1e-9\n", ["M = 1e-09 kg", "at least"]),
-        ("[parameters\n", ["no TOML"]),
-        ("[parameters]\nC_vs = 'much'\n", ["C_vs = 'much'"]),
-        ("[parameters]\ntau_y = -0.001\n", ["tau_y = -0.001 s", "at least 0"]),
-        ("[recording.a]\nposition_start = 'x'\n", ["position_start = 'x'", "a list of finite numbers"]),
-        ("[recording.a]\nposition_start = [true]\npressure_a_start = [1e5]\n", ["[True]", "a list of finite numbers"]),
-        ("[recording.a]\nposition_start = [nan]\npressure_a_start = [1e5]\n", ["[nan]", "a list of finite numbers"]),
-        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [inf]\n", ["[inf]", "a list of finite numbers"]),
-        ("[recording.a]\nposition_start = [0.0]\npressure_a_start = [0]\n", ["pressure_a_start = [0]", "above 0"]),
-        ("[recording.a]\nposition_start = [0.0]\n", ["must have the same length", "they have 1 and 0 entries"]),
-        ("[recording.a]\npositions_start = [0.0]\n", ["'positions_start'", "did you mean 'position_start'"]),
-        ("[recording.a]\npressure_start = [1e5]\n", ["'pressure_start'", "did you mean 'pressure_a_start'"]),
-        ("[model]\nvariant = 5\n", ["[model] variant = 5", "a name in quotes"]),
-        ("[model]\nload_basis = 5\n", ["no load basis '5'", "Known are paper, b-spline"]),
-        ("[model]\nload_basis = ['paper']\n", ["no load basis", "Known are paper, b-spline"]),
-        ("[model]\nload_basis = 'b-splines'\n", ["did you mean 'b-spline'"]),
-        ("[model]\nvariant = 'energy'\n", ["did you mean 'energy-balance'"]),
-        (f"[model]\nload_basis = 'b-spline'\n{WEIGHTS}", ["[model] knots", "two or more positions in m"]),
-        ("[model]\nload_basis = 'b-spline'\nknots = 5\n", ["[model] knots", "two or more positions in m"]),
-        (f"{SPLINE}[parameters]\ntheta_1 = 1.0\ntheta_3 = 1.0\n", ["theta_2, theta_4:", "theta_1 to theta_4 in N"]),
-        (f"{CYLINDER}{SPLINE}", ["theta_1, theta_2, theta_3, theta_4:", "2 knots", "the 4 weights"]),
-        (f"{SPLINE.replace('0.0,', '0.03,')}", ["knots = (0.03, 0.02) m", "strictly increasing"]),
-        ("[model]\nknots = [2, 8.5, 11.5]\n", ["positions in m", "(0.002, 0.0085, 0.0115) was probably meant"]),
-        ("[model]\nknots = [0, 2, 8.5, 11.5]\n", ["y_max = 0.025 m", "(0, 0.002, 0.0085, 0.0115) was probably meant"]),
-        (f"{SPLINE.replace('0.02', '25')}{WEIGHTS}", ["y_max = 0.025 m", "Knots are in m", "(0, 0.025)"]),
-        (f"{SPLINE}phi2_slope = 1.0\n{WEIGHTS}", ["phi2_slope belongs to load_basis = 'paper'"]),
-        (f"{SPLINE}{WEIGHTS}theta_5 = 5.0\n", ["no parameter 'theta_5'", "theta_4"]),
-        (f"{SPLINE}{WEIGHTS}theta_0 = 5.0\n", ["no parameter 'theta_0'"]),
-        (f"{SPLINE}{WEIGHTS.replace('4.0', 'nan')}", ["theta = ", "4 finite weights in N"]),
-        (f"{SPLINE}{WEIGHTS.replace('4.0', 'true')}", ["theta = ", "numbers are needed"]),
-        (f"{SPLINE.replace('0.02', '0.0')}{WEIGHTS}", ["knots = ", "two or more strictly increasing"]),
-        ("[parameters]\ntheta_4 = 1.0\n", ["no parameter 'theta_4'", "theta_3"]),
-        ("[model]\nknots = [0.0, 0.002, 0.0085, inf]\n", ["knots", "finite"]),
-        ("[model]\nknots = 5\n", ["knots = 5", "numbers are needed"]),
-        ("[model]\nduty = 'held'\n", ["[model] duty = 'held'", "must be 'continuous' or 'latched'"]),
-        ("[model]\nduty = 'latched'\n", ["[model] duty_period: missing", "a period above 0 in s"]),
-        ("[model]\nduty = 'latched'\nduty_period = nan\n", ["[model] duty_period: nan", "a period above 0 in s"]),
-        ("[model]\nduty_period = 0.01\n", ["[model] duty_period = 0.01", "belongs to duty = 'latched'"]),
-        (f"[model]\nphi2_slope = 1{400 * '0'}\n", ["phi2_slope", "numbers are needed"]),
-        ("recording = 5\n", ["[recording] must be a section"]),
-        ("[fit]\nformat = 2\n", ["[fit] format = 2", "reads format 1", "save the fit again"]),
-        ("[fit]\nformat = '1'\n", ["[fit] format = '1'", "reads format 1"]),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), CASES["texts"])
 def test_a_wrong_entry_is_one_sentence_with_the_file(text, words, tmp_path):
     path = tmp_path / "start.toml"
     path.write_text(text)

@@ -14,6 +14,9 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.parameter_file import read_parameters
 from clutchid.files.records import Rule, collected, covariance_problem, plain, read_record, read_toml, table
 from clutchid.log import FloatArray
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "test_records")
 
 
 class Span(NamedTuple):
@@ -37,7 +40,6 @@ FULL = Sensor(
     "s", "rod", {"a": Span(1.0, 2.0)}, 3, False, ((1.0, 2.0),), np.array([[1.0, 0.1], [0.0, 1e-300]]), Span(3.0)
 )
 PLAIN = {"name": "s", "kind": "rod", "spans": {}}
-ROWS = "a list of numbers, in rows of equal length, is needed."
 
 
 def test_a_record_in_a_file_is_read_bit_by_bit():
@@ -66,29 +68,7 @@ def test_a_record_may_stand_as_the_list_of_its_fields():
     assert read_record(Sensor, {**PLAIN, "spans": {"a": [1, 2]}}, "[sensor]").spans == {"a": Span(1.0, 2.0)}
 
 
-@pytest.mark.parametrize(
-    ("entries", "sentence"),
-    [
-        ({"name": 5}, "[sensor] name = 5: a text in quotes is needed."),
-        ({"kind": "line"}, "[sensor] kind: no kind 'line'; did you mean 'line_sensor'? Known are rod, line_sensor."),
-        ({"kind": []}, "[sensor] kind: no kind '[]'. Known are rod, line_sensor."),
-        ({"samples": 1.0}, "[sensor] samples = 1.0: a whole number is needed."),
-        ({"samples": True}, "[sensor] samples = True: a whole number is needed."),
-        ({"used": 1}, "[sensor] used = 1: a flag, true or false, is needed."),
-        ({"pairs": 1}, "[sensor] pairs = 1: a list of the right length is needed."),
-        ({"pairs": [[1.0]]}, "[sensor] pairs = [1.0]: a list of the right length is needed."),
-        ({"pairs": [[1.0, "x"]]}, "[sensor] pairs = 'x': a number is needed."),
-        ({"root": [[1.0], [1.0, 2.0]]}, f"[sensor] root = [[1.0], [1.0, 2.0]]: {ROWS}"),
-        ({"root": ["1.0"]}, f"[sensor] root = ['1.0']: {ROWS}"),
-        ({"root": [10**400]}, f"[sensor] root = [1{58 * '0'}...: {ROWS}"),
-        ({"rest": 5}, "[sensor.rest]: a section is needed."),
-        ({"rest": [1.0]}, "[sensor.rest]: a section is needed."),
-        ({"rest": {"low": True}}, "[sensor.rest] low = True: a number is needed."),
-        ({"rest": {"high": 1.0}}, "[sensor.rest] low: a number is needed."),
-        ({"spans": {"a": {"low": 10**400}}}, f"[sensor.spans.a] low = 1{59 * '0'}...: a number is needed."),
-        ({"sample": 1}, "no entry of [sensor] 'sample'; did you mean 'samples'?"),
-    ],
-)
+@pytest.mark.parametrize(("entries", "sentence"), CASES["entries"])
 def test_a_wrong_entry_is_one_sentence_with_its_place(entries, sentence):
     with pytest.raises(ParameterError) as caught:
         read_record(Sensor, {**PLAIN, **entries}, "[sensor]")

@@ -20,9 +20,9 @@ from clutchid.model.opening import (
 )
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_carrier")
+CASES = case_tables(__file__, "test_carrier")
 
 pytestmark = pytest.mark.slow
 

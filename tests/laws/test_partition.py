@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from clutchid.errors import ParameterError
 from clutchid.simulation import Partition, simulate
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_partition")
+CASES = case_tables(__file__, "test_partition")
 
 
 @given(st.integers(1, 500), st.integers(1, 5000))

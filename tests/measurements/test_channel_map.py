@@ -10,6 +10,9 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.log.units import known_units
 from clutchid.measurements.columns import QUANTITIES
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, map_text, read_map, write_map
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "test_channel_map")
 
 numbers = st.floats(-1e9, 1e9, allow_nan=False)
 
@@ -57,27 +60,7 @@ def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save)
     }
 
 
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        (
-            "rate = 0\n[position]\nchannel = 'y'\n",
-            "rate = 0: samples per second above 0 are needed, for example 1000.0.",
-        ),
-        ("rate = 'x'\n[position]\nchannel = 'y'\n", "rate = 'x': samples per second above 0"),
-        ("rate = 1e3\n[time]\nchannel = 't'\n", "rate = 1000 Hz and [time] both define the time; keep one of them."),
-        ("", "contains no channel"),
-        ("raster = 0.1\n", "contains no channel"),
-        ("[position", "is no TOML file"),
-        *(
-            (
-                f"[position]\nchannel = 'Weg'\ndelay = {delay}\n",
-                f"[position] delay = {delay!r}: a channel is at most 0.5 s late",
-            )
-            for delay in (0.8, -8.0, 1e300)
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "problem"), CASES["maps"])
 def test_a_map_that_cannot_be_is_a_problem(save, text, problem):
     with pytest.raises(ParameterError) as caught:
         read_map(save(text, "MAP.toml"))

@@ -11,9 +11,9 @@ from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.measurements.map.proposal import map_for, propose
 from fixtures.air_on_the_bus import AMBIENT, CELSIUS, DBC, PRESSURES, asc_of, blf_of, mdf_of
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_conditions_in_files")
+CASES = case_tables(__file__, "test_conditions_in_files")
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0

@@ -14,7 +14,7 @@ from clutchid.measurements.formats.csv.cells import nanoseconds
 from clutchid.measurements.formats.csv.cells import written as in_iso
 from clutchid.measurements.formats.csv.file import open_file
 from clutchid.measurements.grids import with_own_grids
-from fixtures.cases import cases, table
+from fixtures.cases import case_tables, cases
 from fixtures.sources import everything
 
 pytestmark = pytest.mark.slow
@@ -71,7 +71,7 @@ def test_words_of_a_missing_sample(save, parser, word):
     assert tables[0].problems == ()
 
 
-STAMPS = table(__file__, "csv_stamps")
+STAMPS = case_tables(__file__, "csv_stamps")
 
 
 @pytest.mark.parametrize(("first", "second", "start"), STAMPS["pairs"])

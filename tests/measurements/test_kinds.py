@@ -11,9 +11,9 @@ from clutchid.errors import DataError
 from clutchid.measurements.formats.kinds import ENOUGH, kind_of, refusal
 from clutchid.measurements.look import look
 from clutchid.measurements.opening import open_source
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_kinds")
+CASES = case_tables(__file__, "test_kinds")
 
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'
 FOREIGN = {

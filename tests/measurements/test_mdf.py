@@ -16,10 +16,10 @@ from clutchid.measurements.formats.can.mf4 import mdf_frames
 from clutchid.measurements.formats.mdf.file import open_file, save
 from clutchid.measurements.formats.mdf.numbers import formula
 from clutchid.measurements.source import BLOCK
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.sources import joined, spoiled, tables_of
 
-CASES = table(__file__, "test_mdf")
+CASES = case_tables(__file__, "test_mdf")
 
 pytest.importorskip("asammdf", reason="reading MDF needs asammdf: pip install '.[mdf]'")
 

@@ -11,10 +11,10 @@ import clutchid.measurements as cio
 from clutchid.errors import DataError, install_command
 from clutchid.measurements.formats.parquet import file as parquet_file
 from clutchid.measurements.formats.parquet.footer import damage
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.sources import everything
 
-CASES = table(__file__, "test_parquet")
+CASES = case_tables(__file__, "test_parquet")
 
 GOOD = CASES["good"]
 

@@ -5,9 +5,9 @@ import pytest
 
 from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.map.proposal import map_for, propose
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_proposal")
+CASES = case_tables(__file__, "test_proposal")
 
 TIME = np.arange(100) / 100
 DUTY = (TIME % 0.2 < 0.1) * 1.0

@@ -13,9 +13,9 @@ from clutchid.observer import observe, observer, start
 from clutchid.observer.air import air_of_samples, at_air
 from clutchid.observer.by_stroke import estimates_of, follow_strokes
 from clutchid.observer.run import unused_conditions
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_air")
+CASES = case_tables(__file__, "test_air")
 
 CALIBRATED = 290.0
 

@@ -10,9 +10,9 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.setup import ADAPTS, WEARS
 from clutchid.observer import observe, read_state, start, write_state
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_state_file")
+CASES = case_tables(__file__, "test_state_file")
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ import pytest
 
 from clutchid.model import Actuator
 from clutchid.parameters import Parameters
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_appendix")
+CASES = case_tables(__file__, "test_appendix")
 
 # printed name, ours, value, unit, a word of the printed description
 ROWS = CASES["rows"]

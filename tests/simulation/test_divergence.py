@@ -13,9 +13,9 @@ from clutchid.model.compiled import kernels
 from clutchid.model.variants import VARIANTS
 from clutchid.simulation import simulate
 from clutchid.simulation.divergence import failing_term
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_divergence")
+CASES = case_tables(__file__, "test_divergence")
 
 pytestmark = pytest.mark.slow
 

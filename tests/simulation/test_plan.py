@@ -10,10 +10,10 @@ from clutchid.model import Actuator
 from clutchid.simulation import Partition
 from clutchid.simulation.inputs import carrier_clock
 from clutchid.simulation.plan import OUTSIDE, REST_WINDOW, SHORTEST_STRETCH, Segment, outside_stroke, plan
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.changed_logs import spoiled
 
-CASES = table(__file__, "test_plan")
+CASES = case_tables(__file__, "test_plan")
 
 N = 1000
 #: Stiffness in 1/s, here of no interest.

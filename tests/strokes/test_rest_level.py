@@ -15,9 +15,9 @@ from clutchid.strokes.rest_level import (
     windows_of,
 )
 from clutchid.strokes.stream import StrokeSamples
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_rest_level")
+CASES = case_tables(__file__, "test_rest_level")
 
 WIDTH = 15
 REACH = 22e-3

@@ -12,9 +12,9 @@ from clutchid.errors import ExportError, ParameterError, SolveError
 from clutchid.truck import GRID, MANOEUVRES, Truck, aged, drive, respond, truck, write_truth
 from clutchid.truck.running import run_truck
 from clutchid.truck.settings import Course
-from fixtures.cases import table
+from fixtures.cases import case_tables
 
-CASES = table(__file__, "test_drive")
+CASES = case_tables(__file__, "test_drive")
 
 pytestmark = pytest.mark.slow
 

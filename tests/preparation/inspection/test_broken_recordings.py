@@ -10,10 +10,10 @@ from clutchid.measurements.source import VENTED_KEY
 from clutchid.model import Actuator, Load
 from clutchid.preparation.inspection import inspect
 from clutchid.truck import respond, truck
-from fixtures.cases import table
+from fixtures.cases import case_tables
 from fixtures.changed_logs import spoiled, thinned
 
-CASES = table(__file__, "test_broken_recordings")
+CASES = case_tables(__file__, "test_broken_recordings")
 
 TRUCKS = (1, 5, 16)
 
