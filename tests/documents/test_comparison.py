@@ -47,6 +47,7 @@ def test_the_table_has_both_loads_and_their_difference_at_every_millimetre(fitte
     expected = np.subtract(table.column("present"), table.column("calibrated"))
     np.testing.assert_allclose(table.column("change"), expected, atol=1e-6)
     assert table.column("share") == pytest.approx([0.25] * positions.size)
+    assert [column.shown(0.25) for column in table.columns if column.name == "share [1]"] == ["25.0"]
 
 
 @pytest.mark.slow

@@ -43,6 +43,7 @@ def test_a_reading_has_the_calibration_its_load_and_the_difference(fitted, writt
     assert set(before) == set(now) == {"position_m", "force_N", "low_N", "high_N"}
     assert before["position_m"] == change["position_m"] == now["position_m"]
     assert {len(values) for values in before.values()} == {101}
+    assert all(low <= force <= high for _, force, low, high in zip(*now.values(), strict=True))
     np.testing.assert_allclose(change["difference_N"], np.subtract(now["force_N"], before["force_N"]), atol=1e-9)
     assert change["difference_percent"][0] is None  # no load at the rest
     assert change["difference_percent"][24] == pytest.approx(25.0)

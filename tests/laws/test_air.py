@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
 from clutchid.model.opening import opening
-from clutchid.model.valves import breathing_flow, iso_flow, iso_psi, orifice_flow, psi
+from clutchid.model.valves import breathing_flow, iso_flow, iso_psi, leak_flow, orifice_flow, psi
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import stiffness
@@ -167,3 +167,10 @@ def test_what_flows_in_and_out_is_what_the_chambers_hold():
             # and the rounding of the masses
             allowed = (step * stiffness(actuator)) ** 2 / 12 * np.trapezoid(np.abs(rate[a:b]), dx=step)
             assert abs(mass[b - 1] - mass[a] - flown) <= allowed + 1e-13 * mass[a]
+
+
+def test_a_laminar_leak_grows_with_the_difference_of_the_squares_of_its_pressures():
+    """So that C is its conductance at 1 bar of difference from 0 to 1 bar, and none flows at equal pressures."""
+    assert leak_flow(1e5, 0.0, 2e-12, 1.185) == pytest.approx(1.185 * 2e-12 * 1e5)
+    assert leak_flow(3e5, 1e5, 2e-12, 1.185) == pytest.approx(1.185 * 2e-12 * 8e5)
+    assert leak_flow(1e5, 1e5, 2e-12, 1.185) == 0.0

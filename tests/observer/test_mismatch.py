@@ -11,7 +11,7 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.health import health
-from clutchid.observer.mismatch import MEMORY, MISMATCHED, normalised
+from clutchid.observer.mismatch import MEMORY, MISMATCHED, mismatches, normalised
 from clutchid.observer.prior import AIR_STD, deviation_by_air
 from clutchid.observer.run import usual_nis
 from fixtures.observing import assert_same, in_blocks
@@ -201,3 +201,12 @@ def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joi
     lost = np.flatnonzero(~np.isfinite(samples.states[:, 0]))
     assert at in lost
     assert not np.any(samples.states[:, place] == value)
+
+
+def test_the_mismatch_of_ten_seconds_of_motion_counts_by_63_percent(calibrated, sound):
+    """An exponential memory of 1,000 corrections, 10 ms apart: docs/derivations_online.md#mismatch."""
+    moving = np.isfinite(normalised(calibrated, sound.samples.states, sound.samples.innovations))
+    states = np.repeat(sound.samples.states[moving][:1], 1000, axis=0)
+    innovations = np.tile([np.sqrt(3.0 * calibrated.usual), 1.0], (1000, 1))
+    after = mismatches(calibrated, 1.0, states, innovations)[-1]
+    assert after == pytest.approx(3.0 - 2.0 * np.exp(-1.0), rel=1e-3)

@@ -106,6 +106,14 @@ def test_nothing_lasts_across_a_hole_in_time():
     assert np.abs(earlier["position"] - values).max() < 2e-5
 
 
+def test_without_its_sensor_a_ramp_is_shown_as_it_was():
+    """What a sensor of lag tau shows now was so tau ago: a log without sensors is earlier by it, not later."""
+    p, ramp = Parameters(tau_y=8e-3, e_y=1e-4), 1e-3 + 0.2 * TIME[:200]
+    shown = 1e-4 + 1e-3 + 0.2 * (TIME[:200] - 8e-3)
+    log = without_sensors(Log(TIME[:200], {"position": shown}), p)
+    assert log["position"][:-20] == pytest.approx(ramp[:-20], abs=1e-12)
+
+
 def test_without_values_there_is_no_output():
     assert np.isnan(sensor_output(np.full(20, np.nan), TIME[:20], 2e-3, 1e-4)).all()
 

@@ -30,6 +30,9 @@ def test_a_stroke_that_has_not_ended_does_not_count():
 def test_noise_about_the_limit_a_spike_and_missing_samples_are_no_strokes():
     noise = 2e-3 + 5e-5 * np.random.default_rng(0).standard_normal(TIME.size)
     assert count_strokes(NO_STROKES, TIME, noise)[0].ended == 0
+    slow = 1.75e-3 + 0.3e-3 * np.sin(2 * np.pi * 5.0 * TIME)  # from 1.45 to 2.05 mm, then not below 1.5 mm
+    assert count_strokes(NO_STROKES, TIME, slow)[0].ended == 5
+    assert count_strokes(NO_STROKES, TIME, slow + 0.1e-3)[0].ended == 0
     assert count_strokes(NO_STROKES, TIME, raised((0.1, 0.1 + 0.5 * SHORTEST)))[0].ended == 0
     torn = raised((0.1, 0.3))
     torn[::3] = np.nan

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
+from clutchid.strokes.travel import Travel, travel_change
 from clutchid.strokes.vented_rest import FURTHEST, VentedRest, from_rest, merged_levels, rest_shift, vented_rest
 from clutchid.truck import drive, truck
 
@@ -119,3 +120,10 @@ def test_on_virtual_trucks_the_interval_contains_the_truth(family, number):
             assert shift.low <= driven.truth.shift <= shift.high
             assert shift.moved <= (driven.truth.shift != 0.0)
             assert begin or shift.moved == (driven.truth.shift != 0.0)
+
+
+def test_a_far_stop_that_is_where_it_was_counts_from_the_rest_that_was_subtracted():
+    """A rest that has moved by 0.5 mm moves the far stop in the recording, not the gain of its position."""
+    change = travel_change(Travel(0.023, 0.025), Travel(0.023, 0.0245), subtracted=0.5e-3)
+    assert change.ratio == pytest.approx(1.0)
+    assert not change.suspect

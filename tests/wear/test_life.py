@@ -6,7 +6,7 @@ import pytest
 from clutchid.documents.wear_rows import alarm_words, change_words, left_words
 from clutchid.wear.history import Leak
 from clutchid.wear.life import remaining
-from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
+from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable, growth_noise
 from fixtures.lives import leaking_life, life, reading
 
 #: 1 mm of shift in 1e7 strokes.
@@ -147,16 +147,15 @@ def test_the_wear_of_the_facing_needs_a_table():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_what_is_left_agrees_with_sampled_lives(sign):
-    mean, covariance = sign * np.array([0.1e-3, 3e-10]), np.diag([1e-6, 4e-11]) ** 2
+    mean, std = sign * np.array([0.1e-3, 3e-10]), np.array([1e-5, 4e-11])
+    covariance = np.outer(std, std) * [[1.0, 0.8], [0.8, 1.0]]
+    random, count = np.random.default_rng(1), 20000
+    value, rate = random.multivariate_normal(mean, covariance, count).T
     left = remaining("shift", mean, covariance, sign * 0.2e-3, 1e6)
-    random = np.random.default_rng(1)
-    draws = mean + random.standard_normal((20000, 2)) * np.sqrt(np.diag(covariance))
-    # without the walk of the rate, which widens the interval
-    sampled = (sign * 0.2e-3 - draws[:, 0]) / draws[:, 1]
-    low, median, high = np.quantile(sampled, [0.05, 0.5, 0.95])
-    assert left.median == pytest.approx(median, rel=0.03)
-    assert left.low < low
-    assert left.high > high
+    for share, ahead in ((0.05, left.low), (0.5, left.median)):
+        walk = np.sqrt(growth_noise("shift", 1e6, ahead)[0, 0]) * random.standard_normal(count)
+        passed = np.mean(sign * (value + rate * ahead + walk) >= 0.2e-3)
+        assert passed == pytest.approx(share, abs=5 * np.sqrt(share * (1 - share) / count))
 
 
 def test_a_limit_that_is_passed_or_out_of_sight_is_said():

@@ -159,6 +159,7 @@ def test_parameters_along_one_direction_change_together_and_others_alone():
 
 def test_every_change_is_less_probable_than_none_and_two_less_than_each():
     assert log_odds(()) == 0.0
+    assert {group: log_odds((group,)) for group in GROUPS} == dict(GROUPS)
     for hypothesis in HYPOTHESES[1:]:
         assert log_odds(hypothesis) < min(log_odds(hypothesis[:-1]), log_odds(hypothesis[1:]))
 
