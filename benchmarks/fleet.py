@@ -23,10 +23,10 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import fleet_of, read_all, tasks
+from clutchid.fleets.jobs import fleet_of, read_all, tasks, work
 from clutchid.fleets.store import run_store
 from clutchid.truck import drive, truck
-from clutchid.verbs.wear_reading import ReadingOptions
+from clutchid.verbs.reading import Reading
 
 
 class Memory(NamedTuple):
@@ -80,8 +80,10 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     for number in workers:
         out = folder / f"out{count}-{number}"
         with run_store(out, {}) as results:
-            todo = tasks(fleet, ReadingOptions(), results)
-            wall, seen = timed(count, partial(read_all, Workers(number), ReadingOptions(), todo, results))
+            todo = tasks(fleet, Reading(), "fit", results)
+            wall, seen = timed(
+                count, partial(read_all, Workers(number), partial(work, Reading(), "fit"), todo, results)
+            )
             seconds = [result.seconds for result in results.results()]
         alone = alone or wall * number
         print(

@@ -26,7 +26,8 @@ import clutchid
 from clutchid import Actuator, Log
 from clutchid.cli import main as command
 from clutchid.truck import drive, truck
-from clutchid.verbs.wear_reading import ReadingOptions, read_recording
+from clutchid.verbs.reading import Reading
+from clutchid.verbs.wear_reading import read_recording
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here
 
@@ -154,7 +155,7 @@ def main() -> None:
             ),
             "read": (lambda: clutchid.read(recording), (Path, Log)),
             "observe -": (lambda: observed(new.slice(0, 3000), calibration, folder), (Path, Log)),
-            "a recording of track": (lambda: read_recording(ReadingOptions(), calibration, recording), (Path, Log)),
+            "a recording of track": (lambda: read_recording(Reading(), "fit", calibration, recording), (Path, Log)),
         }
         for title, (work, kinds) in ways.items():
             print(described(title, way(work, kinds), height, modules=options.modules), flush=True)

@@ -20,8 +20,8 @@ from clutchid.errors import ClutchidError
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.verbs.observing import ANYWAY
-from clutchid.verbs.reading import REFUSED
-from clutchid.verbs.wear_reading import ReadingOptions, read_recording
+from clutchid.verbs.reading import REFUSED, Reading
+from clutchid.verbs.wear_reading import read_recording
 from fixtures.commands import called
 
 pytestmark = pytest.mark.usefixtures("blank")  # no door is asked what it draws
@@ -127,7 +127,7 @@ def by_page(verb: str, path: Path, start: Path, folder: Path, **options: object)
 
 
 def by_fleet(verb: str, path: Path, start: Path) -> Answer:
-    read = read_recording(ReadingOptions(verb="fit" if verb == "estimate" else verb), start, path)
+    read = read_recording(Reading(), "fit" if verb == "estimate" else verb, start, path)
     return Answer(sentence=read.reading.message) if read.curve is None else Answer(at_6_mm(read.curve))
 
 

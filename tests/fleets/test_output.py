@@ -1,6 +1,7 @@
 """The rows of a run: what counts once, and what is no result."""
 
 import resource
+from dataclasses import replace
 
 import polars as pl
 import pytest
@@ -11,8 +12,9 @@ from clutchid.files import write_frame
 from clutchid.fleets.jobs import Fleet, FleetJob, tasks
 from clutchid.fleets.output import recording_rows
 from clutchid.fleets.store import StoredResult, run_store
+from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track
-from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording
+from clutchid.verbs.wear_reading import RecordingResult, checksum_of, read_recording
 from clutchid.wear.history import WearReading
 from fixtures.commands import without_workers
 
@@ -38,14 +40,14 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "gone", "", gone, start),), {})
     with run_store(tmp_path / "out", {}) as stored:
-        (task,) = tasks(fleet, ReadingOptions(), stored)
-        read = read_recording(ReadingOptions(), task.start, gone)
+        (task,) = tasks(fleet, Reading(), "fit", stored)
+        read = read_recording(Reading(), "fit", task.start, gone)
         assert read.reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in read.reading.message
         stored.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
-        assert not tasks(fleet, ReadingOptions(), stored)
+        assert not tasks(fleet, Reading(), "fit", stored)
         gone.touch()
-        assert tasks(fleet, ReadingOptions(), stored), "it has come back"
+        assert tasks(fleet, Reading(), "fit", stored), "it has come back"
 
 
 def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, monkeypatch):
@@ -53,12 +55,12 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
     for path in (recording, start, channels):
         path.write_text("before")
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
-    options = ReadingOptions(channel_map=channels)
+    reading = Reading(channels=channels)
     with run_store(tmp_path / "out", {}) as stored:
 
-        def is_read(options=options, **retry):
+        def is_read(reading=reading, verb="fit", **retry):
             """Whether the recording is read now; then it is done."""
-            todo = tasks(fleet, options, stored, **retry)
+            todo = tasks(fleet, reading, verb, stored, **retry)
             for task in todo:
                 lost = WearReading("killed", "lost", "none", None)
                 read = RecordingResult(recording, lost, sha256=checksum_of(recording))
@@ -71,8 +73,8 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             path.write_text(f"{path.read_text()}, and after")
             assert is_read(), path.name
             assert not is_read()
-        assert is_read(ReadingOptions(channel_map=channels, ambient=1e5))
-        assert is_read(ReadingOptions(verb="observe", channel_map=channels))
+        assert is_read(replace(reading, ambient=1e5))
+        assert is_read(verb="observe")
         assert is_read()
         monkeypatch.setattr("clutchid.fleets.jobs.version_and_source", lambda: {"clutchid": "9", "source": "other"})
         assert is_read()
@@ -86,21 +88,21 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     start.touch()
     fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
     with run_store(tmp_path / "out", {}) as stored:
-        (task,) = tasks(fleet, ReadingOptions(), stored)
+        (task,) = tasks(fleet, Reading(), "fit", stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
             failed = WearReading("bad_input", "cannot be read.", "none", None)
             read = RecordingResult(recording, failed, sha256=checksum)
             stored.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
-            assert len(tasks(fleet, ReadingOptions(), stored)) == again
+            assert len(tasks(fleet, Reading(), "fit", stored)) == again
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
     start, recording = tmp_path / "cal.toml", tmp_path / "r.csv"
     recording.touch()
     start.write_text("[parameters]\n")
-    assert "r.csv" in read_recording(ReadingOptions(1e5), start, recording).reading.message
+    assert "r.csv" in read_recording(Reading(ambient=1e5), "fit", start, recording).reading.message
     start.write_text("no calibration any more")
-    assert "cal.toml" in read_recording(ReadingOptions(1e5), start, recording).reading.message
+    assert "cal.toml" in read_recording(Reading(ambient=1e5), "fit", start, recording).reading.message
 
 
 def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(tmp_path):
@@ -133,7 +135,7 @@ def test_a_refused_recording_is_one_line_that_says_which_command_has_force(tmp_p
     start.write_text("[parameters]\n")
     log = bundled_recording()
     write(Log(log.time[::100], {name: column[::100] for name, column in log.columns.items()}), recording)
-    reading = read_recording(ReadingOptions(), start, recording).reading
+    reading = read_recording(Reading(), "fit", start, recording).reading
     assert reading.status == "bad_input"
     assert "fast strokes have too few samples" in reading.message
     assert reading.message.endswith(" or read it alone by estimate with --force.")

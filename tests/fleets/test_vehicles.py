@@ -9,8 +9,9 @@ from clutchid.fleets.jobs import Fleet, FleetJob, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import StoredResult, run_store
 from clutchid.systems import is_device
+from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import LifeLimits, track, write_tracked
-from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, read_recording
+from clutchid.verbs.wear_reading import RecordingResult, read_recording
 from clutchid.wear.history import WearReading
 from fixtures.commands import without_workers
 
@@ -62,7 +63,7 @@ def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):
     start.touch()
     fleet = fleet_of(tmp_path / "fleet", start)
     spoiled.unlink()  # so that the sentence names the file
-    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(ReadingOptions(1e5), start, job.path))
+    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(Reading(ambient=1e5), "fit", start, job.path))
     assert rows == ["V1"]
     results = pl.read_parquet(tmp_path / "out" / "results.parquet")
     assert results["recording"].to_list() == [r"\xff\xfe", "other"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from clutchid.verbs.next_step import document_with_next_step
 from clutchid.verbs.observing import observed
 from clutchid.verbs.options import pressure_option
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
-from clutchid.verbs.reading import Reading, RecordingFile
+from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import calibration_file, read_calibration
 from clutchid.verbs.stored import copied, sections, stored_recording, write_columns
 
@@ -90,11 +90,6 @@ def cut(task: records.Cut, events: Events) -> dict[str, Any]:
     return look(task.look, events)
 
 
-def _files(files: Sequence[records.File]) -> tuple[RecordingFile, ...]:
-    """Recordings, each with the channel map of its own."""
-    return tuple(RecordingFile(file.path, file.map) for file in files)
-
-
 def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
     """Calibrate, or estimate a load, as the command of the same verb, and write its files into the folder of the task.
 
@@ -111,7 +106,10 @@ def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
 
     progress = shared(usual, show)
     when_compiling(lambda _: progress(Step("compiling")))
-    result = asked.run_on(_files(task.recordings), _files(task.verify), task.start, progress).raised()
+    paths, others = ([file.path for file in files] for files in (task.recordings, task.verify))
+    maps = {file.path: file.map for file in (*task.recordings, *task.verify)}
+    reading = replace(asked.files.reading(paths, others, force=asked.force), maps=maps)
+    result = asked.run_on(reading, task.start, progress).raised()
     progress(Step("writing"))
     shown = _shown(result, task)
     events.part({**shown, "writing": True})
@@ -214,7 +212,8 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     when_compiling(lambda _: events.progress("compiling", 0.1, "compiling the model, once per machine"))
     content = calibration_file(task.start)
     events.progress("observing", 0.3, "following the samples")
-    run = observed(Reading(_files([task.recording]), force=task.force), content, task.method)
+    file = task.recording
+    run = observed(Reading((file.path,), channels=file.map, force=task.force), content, task.method)
     events.progress("writing", 0.9, "writing")
     estimates = run.estimates()
     names = [name for name in _OBSERVED if name in estimates.columns]

@@ -52,7 +52,7 @@ def cut(
 
     check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
     with progress_bar("cut") as show:
-        best = cut_file(recording, files, seconds, table, say, show)
+        best = cut_file(files.reading([recording]), seconds, table, say, show)
     put(", ".join(f"{count:,} {label}" for label, count in best.counts))
     say(best.divisions)
     if best.log is None:

@@ -16,7 +16,7 @@ from clutchid.cli.common import (
     print_written,
 )
 from clutchid.documents.console import put, wrapped_sentences
-from clutchid.verbs.options import USUAL_FILES, pressure_option
+from clutchid.verbs.options import USUAL_FILES
 
 
 @guarded
@@ -52,7 +52,7 @@ def look(
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
     content = None if start is None else start_file(start)
-    result = looked(file, pressure_option(files.ambient), tuple(files.dbc or ()), files.map, content)
+    result = looked(files.reading([file]), content)
     contents = result.contents
     document = document_of(result)
     if json:

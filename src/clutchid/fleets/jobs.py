@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import as_file, files
+from os import PathLike
 from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
@@ -26,9 +27,9 @@ from clutchid.verbs.folders import (
     name_of,
     no_recordings,
 )
-from clutchid.verbs.reading import by_suffix
+from clutchid.verbs.reading import Reading, by_suffix
 from clutchid.verbs.start import compile_models
-from clutchid.verbs.wear_reading import ReadingOptions, RecordingResult, checksum_of, read_recording, unless_lost
+from clutchid.verbs.wear_reading import RecordingResult, checksum_of, read_recording, unless_lost
 from clutchid.wear.history import Listed
 from clutchid.wear.tables import read_fleet_table
 
@@ -187,12 +188,12 @@ class FleetTask(NamedTuple):
     file: str
 
 
-def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = False) -> list[FleetTask]:
+def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: bool = False) -> list[FleetTask]:
     """The recordings without a result, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long.
     """
-    stored, inputs = store.keys(), _inputs(fleet, options)
+    stored, inputs = store.keys(), _inputs(fleet, reading, verb)
     todo = []
     for job in fleet.jobs:
         if job.path is None or job.start is None:
@@ -213,7 +214,7 @@ def tasks(fleet: Fleet, options: ReadingOptions, store: Store, *, retry: bool = 
 
 def read_all(
     workers: Workers,
-    options: ReadingOptions,
+    read: Callable[[FleetTask], RecordingResult],
     todo: Sequence[FleetTask],
     store: Store,
     progress: Callable[[int, int], None],
@@ -222,6 +223,8 @@ def read_all(
 
     Parameters
     ----------
+    read
+        What reads one, `work` with its first arguments.
     progress
         Is called with the numbers of recordings that have been read, and of all.
 
@@ -234,7 +237,7 @@ def read_all(
     """
     last, count = monotonic(), 0
     try:
-        for finished in results(partial(_work, options), todo, workers):
+        for finished in results(read, todo, workers):
             store.put(_result(finished))
             last, count = store.saved(last), count + 1
             progress(count, len(todo))
@@ -249,7 +252,7 @@ _BUNDLED = files("clutchid.study") / "data" / "truck1_calibration.csv"
 COMPILATION = 300.0
 
 
-def compile_first(options: ReadingOptions, calibrations: Iterable[Path]) -> None:
+def compile_first(verb: str, calibrations: Iterable[Path]) -> None:
     """Compile in a worker without a limit what later workers need for some calibrations; these only load it.
 
     The bundled recording is read as well, for what is compiled by use only.
@@ -257,11 +260,12 @@ def compile_first(options: ReadingOptions, calibrations: Iterable[Path]) -> None
     pool, starts = Pool(), sorted(calibrations)
     pool.do(compile_models, starts)
     with as_file(_BUNDLED) as recording:
-        pool.do(partial(read_recording, ReadingOptions(verb=options.verb), starts[0]), recording)
+        pool.do(partial(read_recording, Reading(), verb, starts[0]), recording)
 
 
-def _work(options: ReadingOptions, task: FleetTask) -> RecordingResult:
-    return read_recording(options, task.start, task.path)
+def work(reading: Reading, verb: str, task: FleetTask) -> RecordingResult:
+    """`read_recording` of a task."""
+    return read_recording(reading, verb, task.start, task.path)
 
 
 def _result(finished: FinishedWork[FleetTask, RecordingResult]) -> StoredResult:
@@ -270,10 +274,10 @@ def _result(finished: FinishedWork[FleetTask, RecordingResult]) -> StoredResult:
     return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, finished.seconds)
 
 
-def _inputs(fleet: Fleet, options: ReadingOptions) -> Mapping[Path, str]:
+def _inputs(fleet: Fleet, reading: Reading, verb: str) -> Mapping[Path, str]:
     """Inputs of results beside the recording, by calibration."""
-    files = [path for path in (options.channel_map, *options.dbc) if path]
-    common = [version_and_source(), options.verb, repr(options.ambient), [digest(path) for path in files]]
+    files = [Path(path) for path in (reading.channels, *reading.dbc) if isinstance(path, str | PathLike)]
+    common = [version_and_source(), verb, repr(reading.ambient), [digest(path) for path in files]]
     starts = {job.start for job in fleet.jobs if job.start is not None}
     return {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
 

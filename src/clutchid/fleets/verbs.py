@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -12,13 +13,13 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks, work
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import run_store
 from clutchid.names import as_text
+from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import start_file
 from clutchid.verbs.tracking import LifeLimits
-from clutchid.verbs.wear_reading import ReadingOptions
 from clutchid.wear.tables import read_wear_table
 
 
@@ -128,13 +129,13 @@ def fleet(
     if calibrations.is_file():
         start_file(calibrations)  # a broken one is one sentence, not one a recording
     how = "observe" if verb == "observe" else "fit"
-    options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), how)
+    reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
-        todo = tasks(listed, options, base, retry=retry)
+        todo = tasks(listed, reading, how, base, retry=retry)
         if todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
-                compile_first(options, {task.start for task in todo})
-            read_all(place, options, todo, base, progress or (lambda _done, _all: None))
+                compile_first(how, {task.start for task in todo})
+            read_all(place, partial(work, reading, how), todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
         statuses = write_results(listed, base, folder, trends=trends)
         vehicles = vehicles_of(listed, base, _limits(listed, calibrations, limit))

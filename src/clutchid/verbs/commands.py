@@ -24,7 +24,7 @@ from clutchid.verbs.options import (
 if TYPE_CHECKING:
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
-    from clutchid.verbs.reading import RecordingSource
+    from clutchid.verbs.reading import Reading
 
 #: Options of a request that the verbs of Python take by name.
 _EVERYDAY = ("free", "measure", "bounds", "method", "zero")
@@ -73,21 +73,16 @@ class FitCommand:
         DataError, ParameterError
             As `clutchid.fit`.
         """
-        return self.run_on(self.logs, self.verify, self.start, progress)
+        reading = self.files.reading(self.logs, self.verify, force=self.force)
+        return self.run_on(reading, self.start, progress)
 
-    def run_on(
-        self,
-        logs: Sequence[RecordingSource],
-        verify: Sequence[RecordingSource],
-        start: Path | None,
-        progress: Progress | None = None,
-    ) -> Fit:
+    def run_on(self, reading: Reading, start: Path | None, progress: Progress | None = None) -> Fit:
         """`run` with other paths of the recordings and of the parameter file, as on the server of a page."""
         from clutchid.verbs.fitting import fitted
         from clutchid.verbs.start import start_of
 
         actuator, request = start_of(start, model_of(self.search.model), self.search.request(self.verb))
-        return fitted(self.files.reading(logs, verify, force=self.force), actuator, request, progress)
+        return fitted(reading, actuator, request, progress)
 
     @property
     def automatic(self) -> bool:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from clutchid.arguments import checked
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.verbs.options import ReadingText, pressure_option
-from clutchid.verbs.reading import LogOrPath
+from clutchid.verbs.reading import LogOrPath, Reading
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -99,8 +98,7 @@ class CutRecording(NamedTuple):
 
 
 def cut_file(
-    path: Path,
-    files: ReadingText,
+    reading: Reading,
     seconds: float,
     table: Path | None,
     warn: Callable[[Sequence[str]], None],
@@ -122,7 +120,7 @@ def cut_file(
     """
     from clutchid.files import atomic_write
 
-    pieces = _pieces(path, files, warn, show)
+    pieces = _pieces(reading, warn, show)
     if table is None:
         return _chosen(pieces, seconds, lambda _: None)
     with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
@@ -151,7 +149,7 @@ def _sentence(times: Sequence[float], *, held: bool) -> str:
 
 
 def _pieces(
-    path: Path, files: ReadingText, warn: Callable[[Sequence[str]], None], show: Callable[[str, float], None]
+    reading: Reading, warn: Callable[[Sequence[str]], None], show: Callable[[str, float], None]
 ) -> Iterator[Log]:
     from clutchid.measurements import read_pieces
 
@@ -159,8 +157,9 @@ def _pieces(
         show(f"{count:,} samples", count / max(size, 1))
 
     reported: set[str] = set()
-    ambient, dbc = pressure_option(files.ambient), files.dbc or ()
-    for piece in read_pieces(path, ambient=ambient, channels=files.map, dbc=dbc, progress=shown):
+    (file,) = reading.files
+    ambient, channels, dbc = reading.ambient, reading.channels, reading.dbc
+    for piece in read_pieces(file, ambient=ambient, channels=channels, dbc=dbc, progress=shown):
         warn([warning for warning in piece.warnings if warning not in reported])
         reported.update(piece.warnings)
         yield piece

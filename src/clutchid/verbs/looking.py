@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from clutchid.model.actuator import Actuator
     from clutchid.preparation.inspection import Check, Grade
     from clutchid.strokes.vented_rest import ZeroedLog
+    from clutchid.verbs.reading import Reading
 
 __all__ = ["NEEDED", "QUANTITIES", "Looked", "checked_recording", "is_map", "looked", "read_map", "save_proposed"]
 
@@ -31,21 +32,16 @@ __all__ = ["NEEDED", "QUANTITIES", "Looked", "checked_recording", "is_map", "loo
 NEEDED = ("time", "position")
 
 
-def looked(
-    file: Path,
-    ambient: float | None,
-    dbc: tuple[Path, ...],
-    channel_map: ChannelMap | Path | None,
-    content: ParameterFile | None = None,
-) -> Looked:
-    """Look at a file, and check it against the calibration `content`, if there is one.
+def looked(reading: Reading, content: ParameterFile | None = None) -> Looked:
+    """Look at the file of a reading, and check it against the calibration `content`, if there is one.
 
     Raises
     ------
     DataError
         If it cannot be read, or a channel map does not fit it.
     """
-    channel_map = read_map(channel_map) if isinstance(channel_map, Path) else channel_map
+    (file,), ambient, dbc = reading.files, reading.ambient, reading.dbc
+    channel_map = read_map(reading.channels) if isinstance(reading.channels, Path) else None
     added = known_ambient(content.actuator.parameters.P_0) if content else None
     contents = look(file, added if ambient is None else ambient, dbc, channel_map)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from clutchid.inference.uncertainty.coordinates import Prior
     from clutchid.model.compiled import Model
     from clutchid.simulation.partition import Partition
-    from clutchid.verbs.reading import Reading, RecordingSource
+    from clutchid.verbs.reading import LogOrPath, Reading
 
 
 #: Measured columns and free parameters where a request names none, by verb.
@@ -154,8 +154,8 @@ class ReadingText:
 
     def reading(
         self,
-        logs: Iterable[RecordingSource],
-        verify: Iterable[RecordingSource] = (),
+        logs: Iterable[LogOrPath],
+        verify: Iterable[LogOrPath] = (),
         *,
         force: bool = False,
         zero: Literal["subtract", "keep"] = "subtract",

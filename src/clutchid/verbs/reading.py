@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from clutchid.errors import DataError, ParameterError
@@ -25,8 +26,6 @@ __all__ = [
     "REFUSED",
     "LogOrPath",
     "Reading",
-    "RecordingFile",
-    "RecordingSource",
     "by_suffix",
     "inspected",
     "reading_of",
@@ -37,19 +36,8 @@ __all__ = [
 REFUSED = "Correct the recording or its channel map, or go on with --force (in Python force=True)."
 
 
-class RecordingFile(NamedTuple):
-    """A file with a channel map of its own, and the DBC files that decode it."""
-
-    path: str | PathLike[str]
-    channels: ChannelMap | str | PathLike[str] | None = None
-    dbc: tuple[str | PathLike[str], ...] = ()
-
-
 #: A recording: read, or the path of its file.
 LogOrPath = Log | str | PathLike[str]
-
-#: The same, or a file with a channel map of its own.
-RecordingSource = LogOrPath | RecordingFile
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,50 +47,34 @@ class Reading:
     Attributes
     ----------
     logs, verify
-        Recordings that a verb works on, and those that its result is simulated on: logs, paths, or files with maps of
-        their own.
+        Recordings that a verb works on, and those that its result is simulated on: logs or paths.
     ambient : Pa
         Ambient pressure, if stated: gauge pressures count from it, and a calibration takes it for that of the vented
         chamber. By default gauge pressures count from a measured P_0 of the actuator, else from 101,300 Pa.
     channels, dbc
         Channel map or its file, and DBC files of bus logs, of which there must be one among the recordings.
+    maps
+        Channel maps of single recordings in place of `channels`, by path.
     force
         Whether to go on with a recording although a check of it is bad.
     zero : 'subtract' or 'keep'
         Whether a vented rest that has moved since the calibration is subtracted from the position; in a fit its request
         says so.
-
-    Raises
-    ------
-    ParameterError
-        If an option of reading has no effect, because no file is read.
     """
 
-    logs: tuple[RecordingSource, ...]
-    verify: tuple[RecordingSource, ...] = ()
+    logs: tuple[LogOrPath, ...] = ()
+    verify: tuple[LogOrPath, ...] = ()
     ambient: float | None = None
     channels: ChannelMap | str | PathLike[str] | None = None
     dbc: tuple[str | PathLike[str], ...] = ()
     force: bool = False
     zero: Zero = "subtract"
-
-    def __post_init__(self) -> None:
-        if self.files:
-            return
-        for name, value in (("ambient", self.ambient), ("channels", self.channels), ("dbc", self.dbc or None)):
-            if value is not None:
-                raise ParameterError(
-                    f"{name} = {value!r}: says how a file is read, and these recordings are logs that have been read; "
-                    f"give it to clutchid.read, or leave it out."
-                )
+    maps: Mapping[Path, Path | None] = field(default_factory=dict)
 
     @property
-    def files(self) -> tuple[RecordingFile, ...]:
-        """The files among the recordings, each with its channel map and DBC files."""
-        return tuple(map(self._file, (log for log in (*self.logs, *self.verify) if not isinstance(log, Log))))
-
-    def _file(self, source: str | PathLike[str] | RecordingFile) -> RecordingFile:
-        return source if isinstance(source, RecordingFile) else RecordingFile(source, self.channels, self.dbc)
+    def files(self) -> tuple[str | PathLike[str], ...]:
+        """The files among the recordings."""
+        return tuple(log for log in (*self.logs, *self.verify) if not isinstance(log, Log))
 
     def read(
         self, actuator: Actuator | None = None, measured: Sequence[str] = (), required: Sequence[str] | None = None
@@ -130,31 +102,33 @@ class Reading:
 
         tables: list[NoFramesError] = []
 
-        def read_one(item: tuple[RecordingSource, Sequence[str]]) -> Log:
+        def read_one(item: tuple[LogOrPath, Sequence[str]]) -> Log:
             source, compared = item
             if isinstance(source, Log):
                 log = source
             else:
-                file = self._file(source)
                 try:
-                    log = self._read(file, needed, compared, added)
+                    log = self._read(source, needed, compared, added)
                 except NoFramesError as error:
                     tables.append(error)
-                    if isinstance(source, RecordingFile) or len(tables) == len(self.files):
+                    if len(tables) == len(self.files):
                         raise
-                    log = self._read(file._replace(dbc=()), needed, compared, added)
+                    log = replace(self, dbc=())._read(source, needed, compared, added)
             return log if actuator is None or required else actuator.equipment.driven(log)
 
         return read_each([*((log, measured) for log in self.logs), *((log, ()) for log in self.verify)], read_one)
 
-    def _read(self, file: RecordingFile, needed: Sequence[str], measured: Sequence[str], added: float | None) -> Log:
+    def _read(
+        self, file: str | PathLike[str], needed: Sequence[str], measured: Sequence[str], added: float | None
+    ) -> Log:
         from clutchid.measurements import read
 
-        if file.channels is not None:
+        channels = self.maps.get(Path(file), self.channels)
+        if channels is not None:
             from clutchid.measurements.map.picking import OPTIONAL
 
             needed = (*needed, *(name for name in measured if name in OPTIONAL))
-        return read(file.path, ambient=self.ambient, added=added, channels=file.channels, dbc=file.dbc, required=needed)
+        return read(file, ambient=self.ambient, added=added, channels=channels, dbc=self.dbc, required=needed)
 
     def checked(self, actuator: Actuator, measured: Sequence[str] = (), rest: VentedRest | None = None) -> list[Log]:
         """The recordings as `read` gives them, with what the checks before a fit find among their warnings.
@@ -172,8 +146,8 @@ class Reading:
 
 
 def reading_of(
-    logs: RecordingSource | Iterable[RecordingSource],
-    verify: RecordingSource | Iterable[RecordingSource] = (),
+    logs: LogOrPath | Iterable[LogOrPath],
+    verify: LogOrPath | Iterable[LogOrPath] = (),
     *,
     ambient: float | None = None,
     channels: ChannelMap | str | PathLike[str] | None = None,
@@ -181,13 +155,25 @@ def reading_of(
     force: bool = False,
     zero: Zero = "subtract",
 ) -> Reading:
-    """A `Reading` of one recording or several."""
-    return Reading(_several(logs), _several(verify), ambient, channels, tuple(dbc), force, zero)
+    """A `Reading` of one recording or several.
+
+    Raises
+    ------
+    ParameterError
+        If an option of reading has no effect, because no file is read.
+    """
+    reading = Reading(_several(logs), _several(verify), ambient, channels, tuple(dbc), force, zero)
+    for name, value in {"ambient": ambient, "channels": channels, "dbc": reading.dbc or None}.items():
+        if value is not None and not reading.files:
+            raise ParameterError(
+                f"{name} = {value!r}: says how a file is read, and these recordings are logs that have been read; "
+                f"give it to clutchid.read, or leave it out."
+            )
+    return reading
 
 
-def _several(logs: RecordingSource | Iterable[RecordingSource]) -> tuple[RecordingSource, ...]:
-    alone = isinstance(logs, Log | str | PathLike | RecordingFile)
-    return (logs,) if alone else tuple(logs)  # type: ignore[arg-type, return-value]  # mypy does not narrow a property
+def _several(logs: LogOrPath | Iterable[LogOrPath]) -> tuple[LogOrPath, ...]:
+    return (logs,) if isinstance(logs, Log | str | PathLike) else tuple(logs)
 
 
 def inspected(

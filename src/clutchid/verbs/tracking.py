@@ -29,10 +29,10 @@ from clutchid.verbs.folders import (
     name_of,
     no_recordings,
 )
+from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import start_file
 from clutchid.verbs.wear_reading import (
-    ReadingOptions,
     RecordingResult,
     counted_once,
     read_recording,
@@ -236,9 +236,9 @@ def track(
     files = recordings_of([Path(path) for path in several], rows, apart)
     vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
     check_workers(workers)
-    options = ReadingOptions(ambient, Path(channels) if channels else None, tuple(map(Path, dbc)), zero=zero)
+    reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc), zero=zero)
     by_path: dict[Path, RecordingResult] = {}
-    for finished in processes.results(partial(read_recording, options, Path(start)), paths, workers):
+    for finished in processes.results(partial(read_recording, reading, "fit", Path(start)), paths, workers):
         by_path[finished.item] = unless_lost(finished.item, finished.result)
         if progress:
             progress(len(by_path), len(paths))

@@ -39,20 +39,6 @@ _ONLY_ITS_END = "the load of an observer at the end of a recording is no measure
 _NO_HALF_LOAD = HalfLoad(np.nan, np.nan, np.nan)
 
 
-class ReadingOptions(NamedTuple):
-    """Options for reading the load of a recording: ambient pressure in Pa, channel map, DBC files.
-
-    The ambient pressure is P_0 of the calibration where it is None; `verb` is what reads the load: "observe", or "fit";
-    `zero` says whether a vented rest that has moved is subtracted from the position.
-    """
-
-    ambient: float | None = None
-    channel_map: Path | None = None
-    dbc: tuple[Path, ...] = ()
-    verb: str = "fit"
-    zero: Zero = "subtract"
-
-
 class RecordingResult(NamedTuple):
     """A recording that was read.
 
@@ -83,25 +69,32 @@ class RecordingResult(NamedTuple):
     changes: tuple[str, ...] = ()
 
 
-def read_recording(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
-    """Read the load of a recording from position alone with the calibration `start`; a fault is a status."""
-    read = _read(options, start, path)
-    reading = read.reading  # its sentences name the file
-    return read._replace(reading=reading._replace(message=as_text(reading.message), reason=as_text(reading.reason)))
+def read_recording(reading: Reading, verb: str, start: Path, path: Path) -> RecordingResult:
+    """Read the load of a recording from position alone with the calibration `start`; a fault is a status.
+
+    Parameters
+    ----------
+    reading
+        How it is read, without recordings.
+    verb : 'fit' or 'observe'
+        What reads the load.
+    """
+    read = _read(replace(reading, logs=(path,)), verb, start, path)
+    wear = read.reading  # its sentences name the file
+    return read._replace(reading=wear._replace(message=as_text(wear.message), reason=as_text(wear.reason)))
 
 
-def _read(options: ReadingOptions, start: Path, path: Path) -> RecordingResult:
+def _read(reading: Reading, verb: str, start: Path, path: Path) -> RecordingResult:
     clock = checksum = ""
     try:
         checksum = digest(path)
         content = _calibration(start, digest(start))
-        files = Reading((path,), (), options.ambient, options.channel_map, options.dbc)
         try:
-            (log,) = files.read(content.actuator)
+            (log,) = reading.read(content.actuator)
         except NoFramesError:  # the DBC is that of other recordings of the fleet
-            (log,) = replace(files, dbc=()).read(content.actuator)
+            (log,) = replace(reading, dbc=()).read(content.actuator)
         clock = str(log.metadata.get("start", ""))
-        read = (_observed if options.verb == "observe" else _fitted)(log, content, path, options.zero)
+        read = (_observed if verb == "observe" else _fitted)(log, content, path, reading.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         return without_result(path, status, _alone(str(error)), clock, checksum)
