@@ -23,10 +23,11 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import fleet_of, read_all, tasks, work
+from clutchid.fleets.jobs import fleet_of, read_all, tasks
 from clutchid.fleets.store import run_store
 from clutchid.truck import drive, truck
 from clutchid.verbs.reading import Reading
+from clutchid.verbs.wear_reading import read_recording
 
 
 class Memory(NamedTuple):
@@ -82,7 +83,7 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
         with run_store(out, {}) as results:
             todo = tasks(fleet, Reading(), "fit", results)
             wall, seen = timed(
-                count, partial(read_all, Workers(number), partial(work, Reading(), "fit"), todo, results)
+                count, partial(read_all, Workers(number), partial(read_recording, Reading(), "fit"), todo, results)
             )
             seconds = [result.seconds for result in results.results()]
         alone = alone or wall * number

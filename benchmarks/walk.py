@@ -28,6 +28,7 @@ from clutchid.cli import main as command
 from clutchid.truck import drive, truck
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.wear_reading import read_recording
+from clutchid.wear.history import RecordingJob
 
 os.environ["OMP_NUM_THREADS"] = "1"  # windows that other threads simulate are not seen here
 
@@ -145,6 +146,7 @@ def main() -> None:
         recording, calibration = folder / "worn.csv", folder / "cal.toml"
         clutchid.write(worn.without("pressure_a"), recording)
         clutchid.write_parameters(clutchid.parameter_file(calibrated), calibration)
+        job = RecordingJob("worn", path=recording, start=calibration)
         ways: dict[str, tuple[Callable[[], object], tuple[type, ...]]] = {
             "calibration": (lambda: clutchid.fit(new, rich, measure=both, free=few, method="shooting"), (Log,)),
             "reading of a load": (
@@ -155,7 +157,7 @@ def main() -> None:
             ),
             "read": (lambda: clutchid.read(recording), (Path, Log)),
             "observe -": (lambda: observed(new.slice(0, 3000), calibration, folder), (Path, Log)),
-            "a recording of track": (lambda: read_recording(Reading(), "fit", calibration, recording), (Path, Log)),
+            "a recording of track": (lambda: read_recording(Reading(), "fit", job), (Path, Log)),
         }
         for title, (work, kinds) in ways.items():
             print(described(title, way(work, kinds), height, modules=options.modules), flush=True)

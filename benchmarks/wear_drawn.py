@@ -27,7 +27,7 @@ from clutchid.truck import aged
 from clutchid.truck.families import truck
 from clutchid.truck.service import Visit, visits
 from clutchid.verbs.virtual_fleet import LOAD_POSITIONS, STEPS, STROKES_A_METRE, engaging, load_at_positions
-from clutchid.wear.history import Dated, History, WearReading
+from clutchid.wear.history import History, RecordingJob, WearReading
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.trend import REFERENCE, WearTable
 
@@ -124,7 +124,7 @@ def drawn(service: Sequence[Visit], true: Truth, odd: float, random: np.random.G
 
 def history(service: Sequence[Visit]) -> History:
     """The recordings over strokes."""
-    dated = tuple(Dated(v.recording, v.begin, v.odometer, v.strokes, "table") for v in service)
+    dated = tuple(RecordingJob(v.recording, "", "", v.begin, v.odometer, v.strokes) for v in service)
     return History(tuple(range(len(dated))), dated, "strokes", np.array([v.strokes for v in service]))
 
 

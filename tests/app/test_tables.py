@@ -30,7 +30,7 @@ def shown(path, vehicle=None):
 
 
 def test_a_track_has_its_trend_its_forecast_and_its_loads(track):
-    words, wear = shown(track), lives()[STEADY].wear
+    words, wear = shown(track), lives()[STEADY]
     trend = words["trend"]
     assert (words["kind"], words["vehicle"], trend["axis"], trend["counted"]) == ("vehicle", STEADY, "strokes", 19)
     assert trend["along"] == wear.s.tolist()

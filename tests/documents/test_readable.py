@@ -38,8 +38,10 @@ def run(plant, recorded_by):
 
 
 @pytest.fixture(scope="module")
-def worn():
-    return life([reading(shift) for shift in (0.0, 0.0, 1e-3, 1e-3)], stride=0, limit=1e-3)
+def worn(curves):
+    shifts = (0.0, 0.0, 1e-3, 1e-3)
+    readings = [reading(shift, curve=curve) for shift, (_, curve) in zip(shifts, curves, strict=False)]
+    return life(readings, stride=0, limit=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -98,10 +100,8 @@ def test_a_legend_is_no_wider_than_its_figure_however_long_its_words_are():
 
 
 @pytest.mark.slow
-def test_a_force_is_in_newtons_on_every_page(blank, compared, run, worn, curves, of_loads, others):
-    pages = [
-        page_of(document_of(result, "c")) for result in (compared, Observation(run, Origin()), WornClutch(worn, curves))
-    ]
+def test_a_force_is_in_newtons_on_every_page(blank, compared, run, worn, of_loads, others):
+    pages = [page_of(document_of(result, "c")) for result in (compared, Observation(run, Origin()), WornClutch(worn))]
     written = {name: [text.get_text() for text in figure.findobj(Text)] for name, figure in (of_loads | others).items()}
     assert [name for name in of_loads if not any("load [N]" in text for text in written[name])] == []
     assert [

@@ -18,7 +18,7 @@ def life_of(shifts, name="r"):
 
 @pytest.mark.parametrize("shifts", [[0.0, 1e-5, 2e-5], [np.nan, np.nan], [np.nan]])
 def test_the_page_of_a_vehicle_leads_back_to_the_fleet_whatever_was_read(shifts, tmp_path):
-    clutch = WornClutch(life_of(shifts), [], home="../the fleet/index.html")
+    clutch = WornClutch(life_of(shifts), home="../the fleet/index.html")
     write_page(document_of(clutch, "c"), tmp_path / "V1.html")
     html = (tmp_path / "V1.html").read_text(encoding="utf-8")
     assert '<a href="../the%20fleet/index.html">Back to the fleet</a>' in html
@@ -27,18 +27,18 @@ def test_the_page_of_a_vehicle_leads_back_to_the_fleet_whatever_was_read(shifts,
 
 
 def test_a_page_of_its_own_leads_nowhere(loads_nothing):
-    assert loads_nothing(page_of(document_of(WornClutch(life_of([0.0, 1e-5]), []), "c")))
+    assert loads_nothing(page_of(document_of(WornClutch(life_of([0.0, 1e-5])), "c")))
 
 
 def test_page_and_object_say_how_often_an_alarm_is_false():
     steady = life_of([0.0, 1e-5])
-    assert "set to one false alarm in 1,000 recordings" in page_of(document_of(WornClutch(steady, []), "c"))
+    assert "set to one false alarm in 1,000 recordings" in page_of(document_of(WornClutch(steady), "c"))
     assert wear_json(steady)["wear"]["false_alarms"] == 1e-3
 
 
 def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begin_with_a_capital():
     calm, replaced = (
-        page_of(document_of(WornClutch(life_of(shifts), []), "c"))
+        page_of(document_of(WornClutch(life_of(shifts)), "c"))
         for shifts in ([0.0, 1e-5], [*np.linspace(0.0, 5e-4, 12), *np.linspace(0.0, 1e-4, 6)])
     )
     assert "Red and dashed" not in calm
@@ -58,7 +58,7 @@ def test_what_is_left_names_the_options_that_are_missing_for_it():
 
 
 def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
-    write_page(document_of(WornClutch(life_of([0.0, 1e-5], "r\udcff"), []), "c"), tmp_path / "x.html")
+    write_page(document_of(WornClutch(life_of([0.0, 1e-5], "r\udcff")), "c"), tmp_path / "x.html")
     assert "r?00" in (tmp_path / "x.html").read_text(encoding="utf-8")
 
 

@@ -22,6 +22,7 @@ from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.verbs.observing import ANYWAY
 from clutchid.verbs.reading import REFUSED, Reading
 from clutchid.verbs.wear_reading import read_recording
+from clutchid.wear.history import RecordingJob
 from fixtures.commands import called
 
 pytestmark = pytest.mark.usefixtures("blank")  # no door is asked what it draws
@@ -127,8 +128,9 @@ def by_page(verb: str, path: Path, start: Path, folder: Path, **options: object)
 
 
 def by_fleet(verb: str, path: Path, start: Path) -> Answer:
-    read = read_recording(Reading(), "fit" if verb == "estimate" else verb, start, path)
-    return Answer(sentence=read.reading.message) if read.curve is None else Answer(at_6_mm(read.curve))
+    job = RecordingJob(path.stem, path=path, start=start)
+    read = read_recording(Reading(), "fit" if verb == "estimate" else verb, job)
+    return Answer(sentence=read.message) if read.curve is None else Answer(at_6_mm(read.curve))
 
 
 def _in_a_fleet(answer: Answer) -> Answer:

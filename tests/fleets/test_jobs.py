@@ -116,7 +116,7 @@ def test_hidden_files_and_folders_are_no_recordings(depot):
         path.touch()
     assert keys(fleet_of(depot / "fleet", depot / "cal.toml")) == [("V1", "a"), ("V1", "b"), ("V2", "a"), ("V2", "b")]
     assert keys(fleet_of(table(depot, "a,V1,"), depot / "cal.toml")) == [("V1", "a")]
-    assert [path.name for path in recordings_of([depot / "fleet" / "V1"]).paths.values()] == ["a.parquet", "b.mf4"]
+    assert [job.path.name for job in recordings_of([depot / "fleet" / "V1"])[0]] == ["a.parquet", "b.mf4"]
 
 
 def test_names_that_are_no_text_are_shown_by_their_bytes(depot):

@@ -9,24 +9,23 @@ import pytest
 from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
-from clutchid.fleets.jobs import Fleet, FleetJob, tasks
+from clutchid.fleets.jobs import Fleet, tasks
 from clutchid.fleets.output import recording_rows
-from clutchid.fleets.store import StoredResult, run_store
+from clutchid.fleets.store import RecordingRow, run_store
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track
-from clutchid.verbs.wear_reading import RecordingResult, checksum_of, read_recording
-from clutchid.wear.history import WearReading
+from clutchid.verbs.wear_reading import checksum_of, read_recording
+from clutchid.wear.history import RecordingJob, WearReading
 from fixtures.commands import without_workers
 
 
 def statuses(tmp_path, status):
     """What becomes of one file under two vehicles that ended with a status."""
-    jobs = tuple(FleetJob(vehicle, "r", "", tmp_path, tmp_path) for vehicle in ("V1", "V2"))
+    jobs = tuple(RecordingJob("r", vehicle, path=tmp_path, start=tmp_path) for vehicle in ("V1", "V2"))
     with run_store(tmp_path / status, {}) as stored:
         for job in jobs:
-            read = RecordingResult(tmp_path, WearReading(status, "its sentence", "none", None), sha256="same")
-            stored.put(StoredResult(job.vehicle, job.recording, "", "", read, 0.0))
-        return [row.read.reading[:2] for row in recording_rows(Fleet(tmp_path, jobs, {}), stored)]
+            stored.put(RecordingRow(job, WearReading(status, "its sentence", sha256="same"), 0.0))
+        return [row.reading[:2] for row in recording_rows(Fleet(jobs), stored)]
 
 
 def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):
@@ -38,13 +37,13 @@ def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice
 def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
     gone, start = tmp_path / "gone.parquet", tmp_path / "cal.toml"
     start.touch()
-    fleet = Fleet(tmp_path, (FleetJob("V1", "gone", "", gone, start),), {})
+    fleet = Fleet((RecordingJob("gone", "V1", path=gone, start=start),))
     with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, Reading(), "fit", stored)
-        read = read_recording(Reading(), "fit", task.start, gone)
-        assert read.reading.status == "bad_input"
-        assert "gone.parquet: there is no such file" in read.reading.message
-        stored.put(StoredResult("V1", "gone", task.inputs, task.file, read, 0.0))
+        reading = read_recording(Reading(), "fit", task)
+        assert reading.status == "bad_input"
+        assert "gone.parquet: there is no such file" in reading.message
+        stored.put(RecordingRow(task, reading, 0.0))
         assert not tasks(fleet, Reading(), "fit", stored)
         gone.touch()
         assert tasks(fleet, Reading(), "fit", stored), "it has come back"
@@ -54,7 +53,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
     recording, start, channels = tmp_path / "r.parquet", tmp_path / "cal.toml", tmp_path / "map.toml"
     for path in (recording, start, channels):
         path.write_text("before")
-    fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
+    fleet = Fleet((RecordingJob("r", "V1", path=recording, start=start),))
     reading = Reading(channels=channels)
     with run_store(tmp_path / "out", {}) as stored:
 
@@ -62,9 +61,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             """Whether the recording is read now; then it is done."""
             todo = tasks(fleet, reading, verb, stored, **retry)
             for task in todo:
-                lost = WearReading("killed", "lost", "none", None)
-                read = RecordingResult(recording, lost, sha256=checksum_of(recording))
-                stored.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
+                stored.put(RecordingRow(task, WearReading("killed", "lost", sha256=checksum_of(recording)), 0.0))
             return bool(todo)
 
         assert is_read()
@@ -86,23 +83,22 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     recording, start = tmp_path / "r.parquet", tmp_path / "cal.toml"
     recording.touch()
     start.touch()
-    fleet = Fleet(tmp_path, (FleetJob("V1", "r", "", recording, start),), {})
+    fleet = Fleet((RecordingJob("r", "V1", path=recording, start=start),))
     with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, Reading(), "fit", stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
-            failed = WearReading("bad_input", "cannot be read.", "none", None)
-            read = RecordingResult(recording, failed, sha256=checksum)
-            stored.put(StoredResult("V1", "r", task.inputs, task.file, read, 0.0))
+            stored.put(RecordingRow(task, WearReading("bad_input", "cannot be read.", sha256=checksum), 0.0))
             assert len(tasks(fleet, Reading(), "fit", stored)) == again
 
 
 def test_a_calibration_that_changes_while_a_worker_lives_is_read_again(tmp_path):
     start, recording = tmp_path / "cal.toml", tmp_path / "r.csv"
+    job = RecordingJob("r", path=recording, start=start)
     recording.touch()
     start.write_text("[parameters]\n")
-    assert "r.csv" in read_recording(Reading(ambient=1e5), "fit", start, recording).reading.message
+    assert "r.csv" in read_recording(Reading(ambient=1e5), "fit", job).message
     start.write_text("no calibration any more")
-    assert "cal.toml" in read_recording(Reading(ambient=1e5), "fit", start, recording).reading.message
+    assert "cal.toml" in read_recording(Reading(ambient=1e5), "fit", job).message
 
 
 def test_a_full_disk_under_a_table_is_a_sentence_and_the_table_before_is_whole(tmp_path):
@@ -135,7 +131,7 @@ def test_a_refused_recording_is_one_line_that_says_which_command_has_force(tmp_p
     start.write_text("[parameters]\n")
     log = bundled_recording()
     write(Log(log.time[::100], {name: column[::100] for name, column in log.columns.items()}), recording)
-    reading = read_recording(Reading(), "fit", start, recording).reading
+    reading = read_recording(Reading(), "fit", RecordingJob("r", path=recording, start=start))
     assert reading.status == "bad_input"
     assert "fast strokes have too few samples" in reading.message
     assert reading.message.endswith(" or read it alone by estimate with --force.")

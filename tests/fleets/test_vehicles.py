@@ -1,18 +1,19 @@
 """The tables and pages of the vehicles of a fleet, whatever their names are."""
 
 import os
+from functools import partial
 
 import polars as pl
 import pytest
 
-from clutchid.fleets.jobs import Fleet, FleetJob, fleet_of
+from clutchid.fleets.jobs import Fleet, fleet_of
 from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
-from clutchid.fleets.store import StoredResult, run_store
+from clutchid.fleets.store import RecordingRow, run_store
 from clutchid.systems import is_device
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import LifeLimits, track, write_tracked
-from clutchid.verbs.wear_reading import RecordingResult, read_recording
-from clutchid.wear.history import WearReading
+from clutchid.verbs.wear_reading import read_recording
+from clutchid.wear.history import RecordingJob, WearReading
 from fixtures.commands import without_workers
 
 pytestmark = pytest.mark.slow
@@ -22,7 +23,7 @@ def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
     with run_store(out, {}) as stored:
         for job in fleet.jobs:
-            stored.put(StoredResult(job.vehicle, job.recording, "", "", read(job), 0.0))
+            stored.put(RecordingRow(job, read(job), 0.0))
         write_results(fleet, stored, out)
         write_vehicles(vehicles_of(fleet, stored, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
     rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
@@ -39,12 +40,10 @@ def written(out, fleet, read):
     ],
 )
 def test_every_vehicle_has_a_page_that_any_system_can_have(tmp_path, vehicles, plain):
-    jobs = tuple(FleetJob(vehicle, "r", "", tmp_path / "r.parquet", tmp_path) for vehicle in sorted(vehicles))
-
-    def read(job):
-        return RecordingResult(job.path, WearReading("bad_input", "its sentence.", "none", None))
-
-    rows, pages = written(tmp_path / "out", Fleet(tmp_path, jobs, {}), read)
+    jobs = tuple(
+        RecordingJob("r", vehicle, path=tmp_path / "r.parquet", start=tmp_path) for vehicle in sorted(vehicles)
+    )
+    rows, pages = written(tmp_path / "out", Fleet(jobs), lambda _: WearReading("bad_input", "its sentence."))
     assert sorted(rows) == sorted(vehicles)
     pages.remove("made.json")
     assert len({page.casefold() for page in pages}) == len(vehicles)
@@ -63,7 +62,7 @@ def test_a_file_whose_name_is_no_text_is_a_row_and_the_others_go_on(tmp_path):
     start.touch()
     fleet = fleet_of(tmp_path / "fleet", start)
     spoiled.unlink()  # so that the sentence names the file
-    rows, _ = written(tmp_path / "out", fleet, lambda job: read_recording(Reading(ambient=1e5), "fit", start, job.path))
+    rows, _ = written(tmp_path / "out", fleet, partial(read_recording, Reading(ambient=1e5), "fit"))
     assert rows == ["V1"]
     results = pl.read_parquet(tmp_path / "out" / "results.parquet")
     assert results["recording"].to_list() == [r"\xff\xfe", "other"]

@@ -82,7 +82,7 @@ def test_fleet_and_track_find_all_of_them_in_folders_and_in_tables(forms, tmp_pa
     assert {job.path.name for job in fleet_of(tmp_path / "fleet", cal).jobs} == {
         path.name for path in vehicle.iterdir()
     }
-    assert len(recordings_of([vehicle]).paths) == len(NAMES)
+    assert len(recordings_of([vehicle])[0]) == len(NAMES)
     for named in (lambda path: path.name, name_of):
         rows = [f"{named(path)},V1" for path in sorted(vehicle.iterdir())]
         (tmp_path / "fleet" / "recordings.csv").write_text("\n".join(["recording,vehicle", *rows]))
@@ -125,7 +125,7 @@ def test_what_else_a_folder_holds_is_counted_by_suffix(tmp_path, cal, still):
             find()
     clutchid.write(still, vehicle / "run.csv")
     sentence = f"8 files are not read as recordings: {counted}."
-    assert fleet_of(tmp_path / "fleet", cal).left_out == recordings_of([vehicle]).left_out == sentence
+    assert fleet_of(tmp_path / "fleet", cal).left_out == recordings_of([vehicle])[1] == sentence
     below = vehicle.resolve()
     assert folder_listing("", below)["others"] == "Not listed: 2 .jpg, 1 .json, 1 .tar.gz, 1 without a suffix."
     assert left_out([], 0) == ""
@@ -153,7 +153,7 @@ def test_results_of_clutchid_are_no_recordings_and_counted(tmp_path, still):
     content = folder_content(tmp_path)
     assert [path.name for path in content.recordings] == ["alone.load.parquet", "run.csv"]
     assert (content.others, content.results) == ((), 8)
-    assert recordings_of([tmp_path]).left_out == "8 files are not read as recordings: 8 results of clutchid."
+    assert recordings_of([tmp_path])[1] == "8 files are not read as recordings: 8 results of clutchid."
 
 
 def test_a_file_that_a_table_names_is_read_whatever_its_suffix_is(tmp_path, cal, still):
@@ -188,12 +188,12 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
     table = tmp_path / "trips.csv"
     table.write_text("recording,vehicle,strokes\na.csv,V1,1\nb.bin,V1,2\nc,V1,3\n")
     tracked = clutchid.track(tmp_path, cal, table=table)
-    assert [reading.name for reading in tracked.wear.dated] == ["a", "b.bin", "c"]
+    assert [job.recording for job in tracked.wear.dated] == ["a", "b.bin", "c"]
     messages = [reading.message for reading in tracked.wear.readings]
     assert messages[0].partition(": ")[2] == messages[1].partition(": ")[2]
     assert messages[2] == "the table names it, but its file is not there."
     assert tracked.left_out == "2 files are not read as recordings: 2 .toml."
-    problems = recordings_of([tmp_path / "a.csv"], read_table(table)).problems
+    problems = {job.recording: job.problem for job in recordings_of([tmp_path / "a.csv"], read_table(table))[0]}
     assert problems["b.bin"] == "the table names it, but it is none of the recordings of this command."
 
 

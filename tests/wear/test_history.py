@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.wear.history import Listed, arranged
+from clutchid.wear.history import RecordingJob, arranged
 from clutchid.wear.tables import read_table, read_wear_table
 
 WEAR = "wear [mm],half_load [mm],load [N]\n"
 
 
-def rows(*listed):
-    return {entry.recording: entry for entry in listed}
+def history_of(clocks, *jobs):
+    """The order of recordings, by their names or as a table has them, with their clocks."""
+    return arranged([job if isinstance(job, RecordingJob) else RecordingJob(job) for job in jobs], clocks)
 
 
 def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
-    table = rows(Listed("b_2026-03-01", begin=datetime(2026, 1, 5, tzinfo=UTC)), Listed("c", begin=None))
-    clocks = ["", "2026-02-03T04:05:06+00:00", "2025-12-31T00:00:00"]
-    history = arranged(["a_20260101", "b_2026-03-01", "c"], clocks, table)
+    listed = RecordingJob("b_2026-03-01", begin=datetime(2026, 1, 5, tzinfo=UTC))
+    history = history_of(["", "2026-02-03T04:05:06+00:00", "2025-12-31T00:00:00"], "a_20260101", listed, "c")
     assert history.order == (2, 0, 1)
-    assert [dated.source for dated in history.dated] == ["name", "file", "file"]
+    assert [f"{job.begin:%m-%d %H:%M}" for job in history.dated] == ["01-01 00:00", "02-03 04:05", "12-31 00:00"]
     assert history.axis == "days"
     assert history.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
     assert history.warnings == (
@@ -34,36 +34,33 @@ def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
 
 def test_a_name_that_agrees_to_a_day_is_no_contradiction():
     for clock in ("2026-03-01T23:59:00+00:00", "2026-02-28T11:00:00+00:00", "2026-03-02T20:00:00+00:00"):
-        assert not arranged(["b_2026-03-01"], [clock], {}).warnings
-    late = rows(Listed("b_2026-03-01", begin=datetime(2026, 3, 9, tzinfo=UTC)))
-    (warning,) = arranged(["b_2026-03-01"], [""], late).warnings
+        assert not history_of([clock], "b_2026-03-01").warnings
+    (warning,) = history_of([""], RecordingJob("b_2026-03-01", begin=datetime(2026, 3, 9, tzinfo=UTC))).warnings
     assert warning == "b_2026-03-01: its name is of 2026-03-01, the table of 2026-03-09; the table counts."
 
 
 def test_a_clock_that_restarted_is_not_used():
-    history = arranged(["a", "b"], ["1970-01-01T03:00:00", ""], rows(
-        Listed("a", begin=datetime(2026, 5, 1, tzinfo=UTC)), Listed("b", begin=datetime(2026, 4, 1, tzinfo=UTC))
-    ))  # fmt: skip
+    may, april = (RecordingJob(name, begin=datetime(2026, k, 1, tzinfo=UTC)) for name, k in (("a", 5), ("b", 4)))
+    history = history_of(["1970-01-01T03:00:00", ""], may, april)
     assert history.order == (1, 0)
     assert history.warnings == ("a: its clock says 1970-01-01, so it had restarted, and is not used.",)
 
 
 def test_strokes_are_the_axis_before_distance_and_time():
-    table = rows(Listed("a", odometer=100.0, strokes=5e3), Listed("b", odometer=50.0, strokes=9e3))
-    history = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], table)
+    days, job = ["2026-01-01", "2026-01-02"], RecordingJob
+    history = history_of(days, job("a", odometer=100.0, strokes=5e3), job("b", odometer=50.0, strokes=9e3))
     assert (history.axis, list(history.s)) == ("strokes", [5e3, 9e3])
-    without = rows(Listed("a", odometer=100.0), Listed("b", odometer=150.0))
-    assert arranged(["a", "b"], ["2026-01-01", "2026-01-02"], without).axis == "km"
-    back = arranged(["a", "b"], ["2026-01-01", "2026-01-02"], rows(Listed("a", strokes=9.0), Listed("b", strokes=5.0)))
+    assert history_of(days, job("a", odometer=100.0), job("b", odometer=150.0)).axis == "km"
+    back = history_of(days, job("a", strokes=9.0), job("b", strokes=5.0))
     assert back.axis == "days"
     assert back.warnings == ("strokes goes back at b, and is not used for the trend.",)
 
 
 def test_without_any_time_the_names_are_sorted_as_people_count():
-    history = arranged(["run10", "run9"], ["", ""], {})
+    history = history_of(["", ""], "run10", "run9")
     assert (history.order, history.axis) == ((1, 0), "recordings")
     assert history.warnings == ("no recording has a time; they are taken in the order of their names.",)
-    some = arranged(["a", "b_20260102"], ["", ""], {})
+    some = history_of(["", ""], "a", "b_20260102")
     assert some.order == (1, 0)
     assert "put after the others" in some.warnings[0]
 
@@ -86,8 +83,8 @@ def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
 
 
 def test_names_with_other_digits_than_ours_are_in_order_too():
-    assert [dated.name for dated in arranged(["r²", "r10", "r9"], [""] * 3, {}).dated] == ["r²", "r10", "r9"]
-    assert arranged(["²", "r10", "r9"], [""] * 3, {}).order == (2, 1, 0)
+    assert [job.recording for job in history_of([""] * 3, "r²", "r10", "r9").dated] == ["r²", "r10", "r9"]
+    assert history_of([""] * 3, "²", "r10", "r9").order == (2, 1, 0)
 
 
 def test_a_table_of_wear_starts_at_the_new_clutch(tmp_path):

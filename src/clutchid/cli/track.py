@@ -74,7 +74,7 @@ def track(
     debug
         Show the traceback of an error.
     """
-    from clutchid.documents import WornClutch, document_of, write_page
+    from clutchid.documents import document_of, write_page
     from clutchid.verbs import tracking
 
     shift, results = life_limit(limit), (out, loads_path(out))
@@ -86,7 +86,7 @@ def track(
             progress=progress,
         )  # fmt: skip
     tracking.write_tracked(tracked, out)
-    document = document_of(WornClutch(tracked.wear, tracked.curves, tracked.left_out), typed(sys.argv[1:]))
+    document = document_of(tracked, typed(sys.argv[1:]))
     if report is not None:
         write_page(document, report)
     if json:

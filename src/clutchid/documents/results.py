@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
-    from clutchid.estimation import Errors, Fit, LoadCurve
+    from clutchid.estimation import Errors, Fit
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
     from clutchid.measurements.overview import FileOverview
@@ -31,13 +31,19 @@ class Observation(NamedTuple):
 
 
 class WornClutch(NamedTuple):
-    """The wear of a clutch, with the loads of the recordings that count, by name and in order.
+    """The wear of a clutch, as `clutchid.track` gives it.
 
-    `left_out` says what was not read as a recording, `home` is the page of the fleet relative to its own.
+    Attributes
+    ----------
+    wear
+        The trend, alarms and remaining life.
+    left_out
+        What the folder holds beside the recordings, in a sentence; empty if nothing.
+    home
+        Page of its fleet relative to its own; empty without one.
     """
 
     wear: Wear
-    curves: Sequence[tuple[str, LoadCurve]]
     left_out: str = ""
     home: str = ""
 

@@ -61,7 +61,7 @@ def trend_figure(wear: Wear) -> Figure:
 
 def _alarms(axis: Axes, s: FloatArray, wear: Wear, *, words: bool) -> None:
     """A line for each alarm, with its kind if `words`."""
-    places = {dated.name: float(at) for dated, at in zip(wear.dated, s, strict=True)}
+    places = {job.recording: float(at) for job, at in zip(wear.dated, s, strict=True)}
     for alarm in wear.alarms:
         at = places[alarm.before]
         axis.axvline(at, color=STYLE.red, linewidth=1.2, dashes=(4, 2))
@@ -145,8 +145,8 @@ def wear_document(clutch: WornClutch, command: str = "") -> Document:
 
 def _sections(clutch: WornClutch) -> list[Chapter]:
     sections = [Chapter("Recordings", (recordings_table(clutch.wear),))]
-    if clutch.curves:
-        sections.insert(0, Chapter("Load from new to now", (Picture(life_figure(clutch.curves), _LOADS, "Loads"),)))
+    if curves := clutch.wear.curves:
+        sections.insert(0, Chapter("Load from new to now", (Picture(life_figure(curves), _LOADS, "Loads"),)))
     return sections
 
 
@@ -173,9 +173,9 @@ def recordings_table(wear: Wear) -> ReportTable:
         Column("outcome", "in the trend"), Column("message", "reason or message"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for dated, reading, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
-        begin = f"{dated.begin:%Y-%m-%d}" if dated.begin else None
+    for job, reading, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
+        begin = f"{job.begin:%Y-%m-%d}" if job.begin else None
         shift, load = (reading.measurement.shift, reading.measurement.load) if reading.measurement else (None, None)
         message = reason or ("" if reading.status == "ok" else reading.message)
-        rows.append((dated.name, begin, dated.strokes, shift, load, reading.trust, outcome, message))
+        rows.append((job.recording, begin, job.strokes, shift, load, reading.trust, outcome, message))
     return ReportTable("Recordings in the order of the life", columns, tuple(rows))

@@ -130,14 +130,14 @@ def wear_json(wear: Wear, left_out: str = "") -> dict[str, Any]:
         "status": "failed" if not counted else "warning" if troubled else "ok",
         "message": change_words(wear) if counted else recordings_words(wear),
         "logs": {
-            dated.name: {
+            job.recording: {
                 "status": read.status,
                 "message": read.message,
                 "trust": read.trust,
                 "outcome": outcome,
                 "reason": reason,
             }
-            for dated, read, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
+            for job, read, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
         },
         "warnings": [sentence for sentence in (left_out, *wear.warnings) if sentence],
         "wear": {

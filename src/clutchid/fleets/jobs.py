@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from importlib.resources import as_file, files
 from os import PathLike
@@ -15,12 +15,11 @@ from typing import NamedTuple
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.store import Store, StoredResult
+from clutchid.fleets.store import RecordingRow, Store
 from clutchid.names import as_text
-from clutchid.processes import FinishedWork, Pool
+from clutchid.processes import Pool
 from clutchid.verbs.folders import (
     FolderContent,
-    ListedFile,
     files_by_name,
     folder_content,
     left_out,
@@ -29,35 +28,21 @@ from clutchid.verbs.folders import (
 )
 from clutchid.verbs.reading import Reading, by_suffix
 from clutchid.verbs.start import compile_models
-from clutchid.verbs.wear_reading import RecordingResult, checksum_of, read_recording, unless_lost
-from clutchid.wear.history import Listed
+from clutchid.verbs.wear_reading import checksum_of, read_recording, unless_lost
+from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.tables import read_fleet_table
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
 _TABLE = "recordings.csv"
 
 
-class FleetJob(NamedTuple):
-    """A recording to be read: `path` and `start`, its calibration, are None where `problem` says why it cannot be."""
-
-    vehicle: str
-    recording: str
-    type: str
-    path: Path | None
-    start: Path | None
-    problem: str = ""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Fleet:
-    """Recordings of a fleet in the order of vehicle and name, and the rows of its table by (vehicle, recording).
+class Fleet(NamedTuple):
+    """Recordings of a fleet in the order of vehicle and name.
 
     `left_out` says what its folder holds beside them, empty if nothing.
     """
 
-    source: Path
-    jobs: tuple[FleetJob, ...]
-    rows: Mapping[tuple[str, str], Listed]
+    jobs: tuple[RecordingJob, ...]
     left_out: str = ""
 
 
@@ -84,29 +69,29 @@ def fleet_of(source: Path, start: Path) -> Fleet:
         raise DataError(f"{source}: there is no such folder or table.")
     table = source if source.is_file() else source / _TABLE
     if table.is_file():
-        rows = read_fleet_table(table)
-        _check_vehicles(rows.values(), table)
+        rows = read_fleet_table(table).values()
+        _check_vehicles(rows, table)
         content = folder_content(table.parent, {table.resolve()})
-        files = files_by_name(content, {recording for _, recording in rows})
-        by_key = {(vehicle, recording): files.file_of(recording, vehicle) for vehicle, recording in rows}
-        beside = _unlisted(by_key.values(), content) if source.is_dir() else ""
+        files = files_by_name(content, {row.recording for row in rows})
+        located = [files.located(row) for row in rows]
+        beside = _unlisted(located, content) if source.is_dir() else ""
     else:
-        rows, content = {}, folder_content(source)
-        beside = left_out(content.others, content.results)
-        by_key = {key: ListedFile(path) for key, path in _in_folders(source, content.recordings).items()}
-    if not by_key:
+        content = folder_content(source)
+        located, beside = _in_folders(source, content.recordings), left_out(content.others, content.results)
+    if not located:
         raise DataError(no_recordings(str(source), beside))
-    if all(file.path is None for file in by_key.values()):
-        raise DataError(f"{source}: none of the files of its {len(by_key):,} recordings exists.")
+    if all(job.path is None for job in located):
+        raise DataError(f"{source}: none of the files of its {len(located):,} recordings exists.")
     calibrations = _calibrations(start)
-    jobs = tuple(_job(key, file, rows.get(key), start, calibrations) for key, file in sorted(by_key.items()))
+    located.sort(key=lambda job: (job.vehicle, job.recording))
+    jobs = tuple(_with_calibration(job, start, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
-    return Fleet(source, jobs, rows, beside)
+    return Fleet(jobs, beside)
 
 
-def _in_folders(source: Path, recordings: Iterable[Path]) -> dict[tuple[str, str], Path]:
-    """Recordings by (vehicle, name): the vehicle is their folder."""
+def _in_folders(source: Path, recordings: Iterable[Path]) -> list[RecordingJob]:
+    """Recordings whose vehicle is their folder."""
     folders: dict[str, Path] = {}
     by_key: dict[tuple[str, str], Path] = {}
     for path in recordings:
@@ -120,10 +105,10 @@ def _in_folders(source: Path, recordings: Iterable[Path]) -> dict[tuple[str, str
         first = by_key.setdefault((vehicle, name_of(path)), path)
         if first is not path:
             raise DataError(f"{first} and {path}: have the same name; every recording of a vehicle needs its own.")
-    return by_key
+    return [RecordingJob(recording, vehicle, path=path) for (vehicle, recording), path in by_key.items()]
 
 
-def _check_vehicles(rows: Iterable[Listed], table: Path) -> None:
+def _check_vehicles(rows: Iterable[RecordingJob], table: Path) -> None:
     """Check that every row has a vehicle, and that a vehicle has one type."""
     types: dict[str, str] = {}
     for row in rows:
@@ -137,9 +122,9 @@ def _check_vehicles(rows: Iterable[Listed], table: Path) -> None:
             )
 
 
-def _unlisted(listed: Iterable[ListedFile], content: FolderContent) -> str:
+def _unlisted(listed: Iterable[RecordingJob], content: FolderContent) -> str:
     """Sentence about recordings that lie beside those of a table and are not in it."""
-    paths = {file.path for file in listed if file.path is not None}
+    paths = {job.path for job in listed if job.path is not None}
     folders = {path.parent for path in paths}
     beside = [path for path in content.recordings if path not in paths and path.parent in folders]
     return f"not read, because the table does not name them: {by_suffix(beside)}." if beside else ""
@@ -160,35 +145,21 @@ def _calibrations(start: Path) -> dict[str, Path] | None:
     return by_name
 
 
-def _job(
-    key: tuple[str, str], file: ListedFile, row: Listed | None, start: Path, calibrations: Mapping[str, Path] | None
-) -> FleetJob:
-    vehicle, recording = key
-    kind = row.type if row else ""
-    calibration = start if calibrations is None else calibrations.get(vehicle) or calibrations.get(kind)
-    problem = file.problem
-    if file.path is not None and calibration is None:
-        what = f"type '{kind}'" if kind else f"vehicle '{vehicle}'"
-        problem = as_text(f"there is no calibration of {what}: {start / (kind or vehicle)}.toml.")
-    return FleetJob(vehicle, recording, kind, file.path, calibration, problem)
+def _with_calibration(job: RecordingJob, start: Path, calibrations: Mapping[str, Path] | None) -> RecordingJob:
+    """A recording with its calibration, or with the problem that there is none."""
+    calibration = start if calibrations is None else calibrations.get(job.vehicle) or calibrations.get(job.type)
+    if calibration is not None or job.path is None:
+        return replace(job, start=calibration)
+    what = f"type '{job.type}'" if job.type else f"vehicle '{job.vehicle}'"
+    place = start / (job.type or job.vehicle)
+    return replace(job, problem=as_text(f"there is no calibration of {what}: {place}.toml."))
 
 
 #: Lost results, which are tried again where the user says so.
 _LOST = ("killed", "timed_out")
 
 
-class FleetTask(NamedTuple):
-    """A recording of a vehicle to be read, the calibration to start from, and what its result depends on."""
-
-    vehicle: str
-    recording: str
-    path: Path
-    start: Path
-    inputs: str
-    file: str
-
-
-def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: bool = False) -> list[FleetTask]:
+def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: bool = False) -> list[RecordingJob]:
     """The recordings without a result, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long.
@@ -198,15 +169,14 @@ def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: boo
     for job in fleet.jobs:
         if job.path is None or job.start is None:
             continue
-        key, file = (job.vehicle, job.recording), _file(job.path)
-        task = FleetTask(*key, job.path, job.start, inputs[job.start], file)
+        key, task = (job.vehicle, job.recording), replace(job, inputs=inputs[job.start], file=_file(job.path))
         known_inputs, known_file, checksum, status = stored.get(key, ("", "", "", ""))
-        unread = file and not checksum  # as where a share was away for a while
+        unread = task.file and not checksum  # as where a share was away for a while
         if known_inputs != task.inputs or unread or (retry and status in _LOST):
             todo.append(task)
-        elif known_file != file:
+        elif known_file != task.file:
             if checksum_of(job.path) == checksum:
-                store.same_file(key, file)
+                store.same_file(key, task.file)
             else:
                 todo.append(task)
     return todo
@@ -214,8 +184,8 @@ def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: boo
 
 def read_all(
     workers: Workers,
-    read: Callable[[FleetTask], RecordingResult],
-    todo: Sequence[FleetTask],
+    read: Callable[[RecordingJob], WearReading],
+    todo: Sequence[RecordingJob],
     store: Store,
     progress: Callable[[int, int], None],
 ) -> None:
@@ -224,7 +194,7 @@ def read_all(
     Parameters
     ----------
     read
-        What reads one, `work` with its first arguments.
+        What reads one.
     progress
         Is called with the numbers of recordings that have been read, and of all.
 
@@ -238,7 +208,7 @@ def read_all(
     last, count = monotonic(), 0
     try:
         for finished in results(read, todo, workers):
-            store.put(_result(finished))
+            store.put(RecordingRow(finished.item, unless_lost(finished.item, finished.result), finished.seconds))
             last, count = store.saved(last), count + 1
             progress(count, len(todo))
     finally:
@@ -260,18 +230,8 @@ def compile_first(verb: str, calibrations: Iterable[Path]) -> None:
     pool, starts = Pool(), sorted(calibrations)
     pool.do(compile_models, starts)
     with as_file(_BUNDLED) as recording:
-        pool.do(partial(read_recording, Reading(), verb, starts[0]), recording)
-
-
-def work(reading: Reading, verb: str, task: FleetTask) -> RecordingResult:
-    """`read_recording` of a task."""
-    return read_recording(reading, verb, task.start, task.path)
-
-
-def _result(finished: FinishedWork[FleetTask, RecordingResult]) -> StoredResult:
-    task = finished.item
-    read = unless_lost(task.path, finished.result)
-    return StoredResult(task.vehicle, task.recording, task.inputs, task.file, read, finished.seconds)
+        job = RecordingJob("bundled", path=recording, start=starts[0])
+        pool.do(partial(read_recording, Reading(), verb), job)
 
 
 def _inputs(fleet: Fleet, reading: Reading, verb: str) -> Mapping[Path, str]:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, islice, tee
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,14 +19,14 @@ from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import atomic_write, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.jobs import Fleet, FleetJob
-from clutchid.fleets.store import Store, StoredResult
+from clutchid.fleets.jobs import Fleet
+from clutchid.fleets.store import RecordingRow, Store
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import LifeLimits, Tracked, load_frame, table_of, tracked
-from clutchid.verbs.wear_reading import RecordingResult, counted_once, without_result
-from clutchid.wear.history import Listed, arranged
-from clutchid.wear.life import UNKNOWN_INTERVAL
+from clutchid.verbs.tracking import LifeLimits, load_frame, table_of, wear_through
+from clutchid.verbs.wear_reading import counted_once
+from clutchid.wear.history import RecordingJob, WearReading, arranged
+from clutchid.wear.life import UNKNOWN_INTERVAL, Wear
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -39,53 +39,45 @@ RESULTS, _TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
 _PART = 1000
 
 
-class RecordingRow(NamedTuple):
-    """A recording of a fleet with its result, and `warnings` about its time in the life of its vehicle."""
-
-    job: FleetJob
-    read: RecordingResult
-    seconds: float
-    warnings: tuple[str, ...] = ()
+#: A recording that was not read.
+_UNREAD = WearReading("failed", "was not read; run the same command again to go on.")
 
 
 def recording_rows(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
     """Every recording of a fleet in the order of vehicle and name; duplicates count once."""
     merged, again = tee(_merged(fleet.jobs, store.results()))
-    named = (
-        (f"{job.recording} of {job.vehicle}", result.read if result else _without_result(job)) for job, result in again
-    )
-    for (job, result), read in zip(merged, counted_once(named), strict=True):
-        yield RecordingRow(job, read, result.seconds if result else float("nan"))
+    named = ((f"{row.job.recording} of {row.job.vehicle}", row.reading) for row in again)
+    for row, reading in zip(merged, counted_once(named), strict=True):
+        yield row._replace(reading=reading)
 
 
-def _without_result(job: FleetJob) -> RecordingResult:
-    message = job.problem or "was not read; run the same command again to go on."
-    return without_result(job.path or Path(job.recording), "bad_input" if job.problem else "failed", message)
-
-
-def _merged(jobs: Iterable[FleetJob], stored: Iterator[StoredResult]) -> Iterator[tuple[FleetJob, StoredResult | None]]:
+def _merged(jobs: Iterable[RecordingJob], stored: Iterator[RecordingRow]) -> Iterator[RecordingRow]:
     """Jobs with their results, both in the same order; results of missing recordings are skipped."""
-    following = next(stored, None)
+
+    def key(job: RecordingJob) -> tuple[str, str]:
+        return job.vehicle, job.recording
+
+    row = next(stored, None)
     for job in jobs:
-        key = job.vehicle, job.recording
-        while following is not None and (following.vehicle, following.recording) < key:
-            following = next(stored, None)
-        same = following is not None and (following.vehicle, following.recording) == key
-        yield job, following if same and not job.problem else None
+        while row is not None and key(row.job) < key(job):
+            row = next(stored, None)
+        if job.problem:
+            yield RecordingRow(job, WearReading("bad_input", job.problem))
+        elif row is not None and key(row.job) == key(job):
+            yield row._replace(job=job)
+        else:
+            yield RecordingRow(job, _UNREAD)
 
 
-def _with_warnings(fleet: Fleet, rows: Iterable[RecordingRow]) -> Iterator[RecordingRow]:
+def _with_warnings(rows: Iterable[RecordingRow]) -> Iterator[RecordingRow]:
     """Recordings with what is missing or contradicts in their times."""
-    for vehicle, group in groupby(rows, key=lambda row: row.job.vehicle):
-        own = list(group)
-        names = [row.job.recording for row in own]
-        history = arranged(names, [row.read.clock for row in own], _rows_of_table(fleet, vehicle, names))
-        for row, dated in zip(own, history.dated, strict=True):
-            yield row._replace(warnings=dated.warnings)
+    for own in _by_vehicle(rows):
+        history = arranged([row.job for row in own], [row.reading.clock for row in own])
+        yield from (row._replace(job=job) for row, job in zip(own, history.dated, strict=True))
 
 
-def _rows_of_table(fleet: Fleet, vehicle: str, names: Sequence[str]) -> dict[str, Listed]:
-    return {name: fleet.rows[vehicle, name] for name in names if fleet.rows}
+def _by_vehicle(rows: Iterable[RecordingRow]) -> Iterator[list[RecordingRow]]:
+    return (list(own) for _, own in groupby(rows, key=lambda row: row.job.vehicle))
 
 
 def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False) -> Counter[str]:
@@ -105,13 +97,13 @@ def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False
     timings: list[tuple[str, str, float]] = []
     make_folder(out / CURVES)
     rows, part = recording_rows(fleet, store), 0
-    rows = _with_warnings(fleet, rows) if trends else rows
+    rows = _with_warnings(rows) if trends else rows
     while some := list(islice(rows, _PART)):
-        statuses.update(row.read.reading.status for row in some)
+        statuses.update(row.reading.status for row in some)
         results += map(_result, some)
         timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
         keys = {what: [getattr(row.job, what) for row in some] for what in ("recording", "vehicle")}
-        write_frame(load_frame(keys, [row.read.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
+        write_frame(load_frame(keys, [row.reading.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
@@ -127,21 +119,21 @@ _TEXT = ("changes", "sha256", "message", "reason", "warnings")
 
 
 def _result(row: RecordingRow) -> Mapping[str, object]:
-    read, nothing = row.read, (float("nan"),) * 3
-    peak = _peak(read.curve) if read.curve else nothing
-    half = tuple(1e3 * value for value in read.half_load)
-    measured = read.reading.measurement
+    reading, nothing = row.reading, (float("nan"),) * 3
+    peak = _peak(reading.curve) if reading.curve else nothing
+    half = tuple(1e3 * value for value in reading.half_load)
+    measured = reading.measurement
     shift, load = (measured[0:2], measured[2:4]) if measured else (nothing, nothing)
     return {
         "recording": row.job.recording, "vehicle": row.job.vehicle, "type": row.job.type,
-        "status": read.reading.status, "message": read.reading.message, "trust": read.reading.trust,
+        "status": reading.status, "message": reading.message, "trust": reading.trust,
         "peak_N": peak[0], "peak_low_N": peak[1], "peak_high_N": peak[2],
         "half_load_mm": half[0], "half_load_low_mm": half[1], "half_load_high_mm": half[2],
         "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
         "load_change": load[0], "load_change_std": load[1],
         "temperature_K": measured.temperature if measured else float("nan"),
-        "changes": ", ".join(read.changes), "sha256": read.sha256, "reason": read.reading.unmeasured,
-        "warnings": " ".join(row.warnings),
+        "changes": ", ".join(reading.changes), "sha256": reading.sha256, "reason": reading.unmeasured,
+        "warnings": " ".join(row.job.warnings),
     }  # fmt: skip
 
 
@@ -166,14 +158,7 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-class FleetVehicle(NamedTuple):
-    """A vehicle of a fleet: its type, and its wear."""
-
-    type: str
-    tracked: Tracked
-
-
-def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) -> Iterator[FleetVehicle]:
+def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) -> Iterator[Wear]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
@@ -181,14 +166,12 @@ def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) ->
     limits
         What ends a life, by type.
     """
-    for vehicle, group in groupby(recording_rows(fleet, store), key=lambda row: row.job.vehicle):
-        rows = list(group)
-        names, kind = [row.job.recording for row in rows], rows[0].job.type
-        table = _rows_of_table(fleet, vehicle, names)
-        yield FleetVehicle(kind, tracked(vehicle, names, [row.read for row in rows], table, limits[kind]))
+    for rows in _by_vehicle(recording_rows(fleet, store)):
+        jobs, job = [row.job for row in rows], rows[0].job
+        yield wear_through(job.vehicle, jobs, [row.reading for row in rows], limits[job.type])
 
 
-def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
+def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
     """Write the page of the fleet, and with `trends` the tables and pages of its vehicles, whose rows are returned.
 
     A vehicle's page is only made anew if something of it has changed.
@@ -206,15 +189,15 @@ def write_vehicles(vehicles: Iterable[FleetVehicle], command: str, out: Path, *,
     made: dict[str, str] = {}
     names: set[str] = set()
     before = _made(out / _PAGES)
-    for vehicle in vehicles:
+    for wear in vehicles:
         page = ""
         if trends:
-            table = table_of(vehicle.tracked)
+            table = table_of(wear)
             tables.append(table)
-            page = f"{_PAGES}/{_page_name(vehicle.tracked.wear.vehicle, names)}.html"
-            made[page] = _write_page(vehicle.tracked, table, before, command, out, page)
-        rows.append(_row(vehicle, page))
-        _add_reasons(vehicle.tracked, reasons)
+            page = f"{_PAGES}/{_page_name(wear.vehicle, names)}.html"
+            made[page] = _write_page(wear, table, before, command, out, page)
+        rows.append(_row(wear, page))
+        _add_reasons(wear, reasons)
     if trends:
         write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
         write_frame(
@@ -256,29 +239,26 @@ def _same(name: str) -> str:
 
 
 def _write_page(
-    tracked: Tracked, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
+    wear: Wear, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
 ) -> str:
     """Write the page of a vehicle if its content has changed; the hash of the content."""
     make_folder(out / _PAGES)
-    content = json.dumps(
-        [version_and_source(), table.to_dicts(), repr(tracked.wear.left), tracked.wear.warnings], default=str
-    )
+    content = json.dumps([version_and_source(), table.to_dicts(), repr(wear.left), wear.warnings], default=str)
     digest = hashlib.sha256(content.encode()).hexdigest()
     if before.get(address) != digest or not (out / address).exists():
-        clutch = WornClutch(tracked.wear, tracked.curves, home=f"../{_INDEX}")
-        write_page(document_of(clutch, command), out / address)
+        write_page(document_of(WornClutch(wear, home=f"../{_INDEX}"), command), out / address)
     return digest
 
 
-def _row(vehicle: FleetVehicle, page: str) -> VehicleRow:
+def _row(wear: Wear, page: str) -> VehicleRow:
     """The state of a vehicle at its last recording."""
-    wear = vehicle.tracked.wear
     counted = sum(wear.counted)
     now = wear.present if counted else {}
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
-    last = next((dated.begin for dated in reversed(wear.dated) if dated.begin), None)
+    last = next((job.begin for job in reversed(wear.dated) if job.begin), None)
     return VehicleRow(
-        wear.vehicle, vehicle.type, len(wear.dated), counted, Counter(read.status for read in wear.readings), last,
+        wear.vehicle, wear.dated[0].type, len(wear.dated), counted,
+        Counter(reading.status for reading in wear.readings), last,
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
@@ -301,13 +281,12 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
     }  # fmt: skip
 
 
-def _add_reasons(tracked: Tracked, reasons: dict[tuple[str, str], list[str]]) -> None:
+def _add_reasons(wear: Wear, reasons: dict[tuple[str, str], list[str]]) -> None:
     """Count reasons why recordings do not count, without names and numbers of single recordings."""
-    wear = tracked.wear
-    for dated, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
+    for job, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
         if reason:
             sentence = _PARTICULAR.sub("…", reason.splitlines()[0])
-            reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(dated.name)
+            reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(job.recording)
 
 
 def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from clutchid.errors import ExportError
 from clutchid.files import atomic_write, make_folder
 from clutchid.verbs.folders import STORE
-from clutchid.verbs.wear_reading import RecordingResult, packed_result, restored
+from clutchid.wear.history import RecordingJob, WearReading, packed_reading, restored
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
@@ -25,7 +25,7 @@ _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM
 #: Columns of what is done, with their types.
 _COLUMNS = {
     "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
-    "status": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "content": "TEXT NOT NULL", "curve": "BLOB",
+    "status": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "reading": "TEXT NOT NULL", "curve": "BLOB",
     "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL",
 }  # fmt: skip
 
@@ -43,15 +43,12 @@ _CHECKSUM = "checksum"
 _StoredRow = tuple[str | float | bytes | None, ...]
 
 
-class StoredResult(NamedTuple):
-    """A result: `inputs` are version and calibration that it came from, `file` size and time of its recording."""
+class RecordingRow(NamedTuple):
+    """A recording of a fleet, what its reading gave, and the time in s that this took; NaN where it was not read."""
 
-    vehicle: str
-    recording: str
-    inputs: str
-    file: str
-    read: RecordingResult
-    seconds: float
+    job: RecordingJob
+    reading: WearReading
+    seconds: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +65,8 @@ class Store:
         """Inputs, file, checksum and status of finished recordings, by vehicle and recording."""
         return {(row[0], row[1]): (row[2], row[3], row[5], row[4]) for row in self._rows()}
 
-    def results(self) -> Iterator[StoredResult]:
-        """All results, in the order of vehicle and recording."""
+    def results(self) -> Iterator[RecordingRow]:
+        """All results, in the order of vehicle and recording; of a job its names, inputs and file are kept."""
         return map(_kept, self._rows())
 
     def _rows(self) -> Iterator[tuple[Any, ...]]:
@@ -77,7 +74,7 @@ class Store:
         with _room(self.path):
             yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
 
-    def put(self, result: StoredResult) -> None:
+    def put(self, result: RecordingRow) -> None:
         """Keep a result; it is on the disk after `saved`."""
         with _room(self.path):
             _insert(self.base, [_row(result)])
@@ -86,7 +83,7 @@ class Store:
         """Note that a recording's file has another time, but the same content."""
         with _room(self.path):
             where = "SELECT * FROM done WHERE vehicle = ? AND recording = ?"
-            _insert(self.base, [_row(_kept(row)._replace(file=file)) for row in self.base.execute(where, key)])
+            _insert(self.base, [_with_checksum((*row[:3], file, *row[4:-1])) for row in self.base.execute(where, key)])
 
     def saved(self, last: float = 0.0) -> float:
         """Write results to the disk, unless that was done a moment before; the time of the last write."""
@@ -259,15 +256,16 @@ def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
 
 
-def _row(result: StoredResult) -> _StoredRow:
-    read = result.read
-    row = (
-        result.vehicle, result.recording, result.inputs, result.file, read.reading.status, read.sha256,
-        *packed_result(read), float(result.seconds),
-    )  # fmt: skip
+def _with_checksum(row: _StoredRow) -> _StoredRow:
     return (*row, _checksum(row))
 
 
-def _kept(row: tuple[Any, ...]) -> StoredResult:
-    vehicle, recording, inputs, file, _, sha256, content, curve, seconds, _ = row
-    return StoredResult(vehicle, recording, inputs, file, restored(recording, sha256, content, curve), seconds)
+def _row(result: RecordingRow) -> _StoredRow:
+    job, reading = result.job, result.reading
+    key = job.vehicle, job.recording, job.inputs, job.file, reading.status, reading.sha256
+    return _with_checksum((*key, *packed_reading(reading), float(result.seconds)))
+
+
+def _kept(row: tuple[Any, ...]) -> RecordingRow:
+    vehicle, recording, inputs, file, _, _, reading, curve, seconds, _ = row
+    return RecordingRow(RecordingJob(recording, vehicle, inputs=inputs, file=file), restored(reading, curve), seconds)

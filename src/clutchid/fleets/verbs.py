@@ -13,13 +13,14 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks, work
+from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import run_store
 from clutchid.names import as_text
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import start_file
 from clutchid.verbs.tracking import LifeLimits
+from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.tables import read_wear_table
 
 
@@ -134,8 +135,8 @@ def fleet(
         todo = tasks(listed, reading, how, base, retry=retry)
         if todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
-                compile_first(how, {task.start for task in todo})
-            read_all(place, partial(work, reading, how), todo, base, progress or (lambda _done, _all: None))
+                compile_first(how, {job.start for job in todo if job.start})
+            read_all(place, partial(read_recording, reading, how), todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
         statuses = write_results(listed, base, folder, trends=trends)
         vehicles = vehicles_of(listed, base, _limits(listed, calibrations, limit))

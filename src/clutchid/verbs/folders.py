@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from clutchid.measurements.formats.kinds import is_recording
 from clutchid.measurements.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
 from clutchid.names import as_text
+from clutchid.wear.history import RecordingJob
 
 #: The file that says that a folder is that of a run of `fleet`.
 STORE = "run.sqlite"
@@ -92,13 +93,6 @@ def no_recordings(where: str, beside: str) -> str:
     return f"{where}: has no recordings; they are files with {SUFFIXES_SHOWN}.{hint}"
 
 
-class ListedFile(NamedTuple):
-    """The file of a row of a table, or the problem with it in a sentence."""
-
-    path: Path | None
-    problem: str = ""
-
-
 @dataclass(frozen=True, slots=True)
 class FilesByName:
     """The files of folders that the rows of a table name."""
@@ -106,17 +100,19 @@ class FilesByName:
     recordings: Mapping[str, Sequence[Path]]
     others: Mapping[str, Sequence[Path]]
 
-    def file_of(self, name: str, vehicle: str) -> ListedFile:
-        """The file of a row: one in a folder of the vehicle before others, a recording by its suffix before others."""
-        groups = [files.get(name, ()) for files in (self.recordings, self.others)]
-        own = [[path for path in group if as_text(path.parent.name) == vehicle] for group in groups]
+    def located(self, row: RecordingJob) -> RecordingJob:
+        """A row with its file: one in a folder of the vehicle before others, a recording by its suffix before others.
+
+        Without one, or with several, it has the problem with that.
+        """
+        groups = [files.get(row.recording, ()) for files in (self.recordings, self.others)]
+        own = [[path for path in group if as_text(path.parent.name) == row.vehicle] for group in groups]
         files = next((group for group in (*own, *groups) if group), ())
         if len(files) == 1:
-            return ListedFile(files[0])
+            return replace(row, path=files[0])
         names = [f"'{as_text(str(path))}'" for path in files[:3]]
-        return ListedFile(
-            None, f"several files have its name: {', '.join(names)}; rename all but one." if names else _ABSENT
-        )
+        problem = f"several files have its name: {', '.join(names)}; rename all but one." if names else _ABSENT
+        return replace(row, problem=problem)
 
 
 def files_by_name(content: FolderContent, names: Collection[str]) -> FilesByName:

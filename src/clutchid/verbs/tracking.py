@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from os import PathLike
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 
 from clutchid import processes
 from clutchid.arguments import checked
+from clutchid.documents.results import WornClutch
 from clutchid.errors import DataError
 from clutchid.files import not_an_address, write_frame
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -33,13 +34,11 @@ from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import start_file
 from clutchid.verbs.wear_reading import (
-    RecordingResult,
     counted_once,
     read_recording,
     unless_lost,
-    without_result,
 )
-from clutchid.wear.history import Listed, arranged
+from clutchid.wear.history import RecordingJob, WearReading, arranged
 from clutchid.wear.life import Wear, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
 from clutchid.wear.trend import WearTable
@@ -58,47 +57,12 @@ class LifeLimits(NamedTuple):
     table: WearTable | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tracked:
-    """The wear of a clutch, and its recordings as they were read.
-
-    Attributes
-    ----------
-    wear
-        The trend, alarms and remaining life.
-    reads
-        A result a recording, in the order of its life.
-    left_out
-        What the folder holds beside the recordings, in a sentence; empty if nothing.
-    """
-
-    wear: Wear
-    reads: tuple[RecordingResult, ...]
-    left_out: str = ""
-
-    @property
-    def curves(self) -> list[tuple[str, LoadCurve]]:
-        """The loads of the recordings that count in the trend, by name."""
-        reads = zip(self.wear.dated, self.reads, self.wear.counted, strict=True)
-        return [(dated.name, read.curve) for dated, read, counts in reads if read.curve and counts]
-
-
-class TrackFiles(NamedTuple):
-    """The recordings to be tracked.
-
-    `paths` are their files by name, `problems` those of rows of the table by name, and `left_out` says what folders
-    hold beside them.
-    """
-
-    paths: Mapping[str, Path]
-    problems: Mapping[str, str]
-    left_out: str
-
-
 def recordings_of(
-    sources: Sequence[Path], rows: Mapping[str, Listed] = MappingProxyType({}), apart: Sequence[Path] = ()
-) -> TrackFiles:
+    sources: Sequence[Path], rows: Mapping[str, RecordingJob] = MappingProxyType({}), apart: Sequence[Path] = ()
+) -> tuple[list[RecordingJob], str]:
     """The recordings: files as they are, and of a folder all files below it that can be recordings or `rows` name.
+
+    They come with a sentence about what folders hold beside them; rows without a file have a problem.
 
     Parameters
     ----------
@@ -128,32 +92,30 @@ def recordings_of(
         if other is not path:
             raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
     files = files_by_name(whole, rows)
-    listed = {name: files.file_of(name, row.vehicle) for name, row in rows.items() if name not in names}
-    names |= {name: file.path for name, file in listed.items() if file.path is not None}
-    named = set(names.values())
+    jobs = [replace(rows.get(name, RecordingJob(name)), path=path) for name, path in names.items()]
+    jobs += [files.located(row) for name, row in rows.items() if name not in names]
+    named = {job.path for job in jobs}
     beside = left_out([path for path in whole.others if path not in named], whole.results)
-    if not names:
+    if not any(named):
         raise DataError(no_recordings(", ".join(map(str, sources)) or "no folder", beside))
-    problems = {name: file.problem if contents else _NOT_NAMED for name, file in listed.items() if file.path is None}
-    return TrackFiles(names, problems, beside)
+    return [job if job.path or contents else replace(job, problem=_NOT_NAMED) for job in jobs], beside
 
 
-def vehicle_of(recordings: Mapping[str, Path], table: Mapping[str, Listed], source: str) -> str:
-    """The one vehicle of all recordings: that of the table, else of their folder.
+def vehicle_of(jobs: Sequence[RecordingJob], table: Mapping[str, RecordingJob], source: str) -> str:
+    """The one vehicle of all recordings with a file: that of the table, else of their folder.
 
     Raises
     ------
     DataError
         If they belong to several vehicles, or to none of the table.
     """
+    paths = [job.path for job in jobs if job.path]
     if not table:
-        folders = {path.resolve().parent for path in recordings.values()}
+        folders = {path.resolve().parent for path in paths}
         return as_text(folders.pop().name) if len(folders) == 1 else ""
-    vehicles = {table[name].vehicle for name in recordings if name in table}
+    vehicles = {job.vehicle for job in jobs if job.path and job.recording in table}
     if not vehicles:
-        raise DataError(
-            f"{source}: names none of the {len(recordings)} recordings; its column 'recording' has their names."
-        )
+        raise DataError(f"{source}: names none of the {len(paths)} recordings; its column 'recording' has their names.")
     if len(vehicles) > 1:
         some = ", ".join(sorted(vehicles)[:3])
         raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
@@ -176,7 +138,7 @@ def track(
     zero: Zero = "subtract",
     results: Sequence[Path] = (),
     progress: Callable[[int, int], None] | None = None,
-) -> Tracked:
+) -> WornClutch:
     """Follow the wear of one clutch through its recordings.
 
     Parameters
@@ -206,7 +168,7 @@ def track(
 
     Returns
     -------
-    tracked : Tracked
+    tracked : WornClutch
         ``tracked.wear`` is the `Wear`; `clutchid.verbs.tracking.write_tracked` writes its files.
 
     Raises
@@ -233,35 +195,33 @@ def track(
     limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
     apart = [*results, *(Path(path) for path in (table, wear_table) if path)]
-    files = recordings_of([Path(path) for path in several], rows, apart)
-    vehicle, paths = vehicle_of(files.paths, rows, str(table)), list(files.paths.values())
+    jobs, beside = recordings_of([Path(path) for path in several], rows, apart)
+    vehicle, files = vehicle_of(jobs, rows, str(table)), [replace(job, start=Path(start)) for job in jobs if job.path]
     check_workers(workers)
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc), zero=zero)
-    by_path: dict[Path, RecordingResult] = {}
-    for finished in processes.results(partial(read_recording, reading, "fit", Path(start)), paths, workers):
-        by_path[finished.item] = unless_lost(finished.item, finished.result)
+    by_path: dict[Path | None, WearReading] = {}
+    for finished in processes.results(partial(read_recording, reading, "fit"), files, workers):
+        by_path[finished.item.path] = unless_lost(finished.item, finished.result)
         if progress:
-            progress(len(by_path), len(paths))
-    absent = sorted(name for name in files.problems if rows[name].vehicle == vehicle)
-    reads = [*counted_once((as_text(path.name), by_path[path]) for path in paths)]
-    reads += [without_result(Path(name), "bad_input", files.problems[name]) for name in absent]
-    warnings = () if rows else _several_folders(paths)
-    return replace(tracked(vehicle, [*files.paths, *absent], reads, rows, limits, warnings), left_out=files.left_out)
+            progress(len(by_path), len(files))
+    absent = [job for job in jobs if not job.path and job.vehicle == vehicle]
+    readings = [*counted_once((as_text(path.name), by_path[path]) for job in files if (path := job.path))]
+    readings += [WearReading("bad_input", job.problem) for job in absent]
+    warnings = () if rows else _several_folders([job.path for job in files if job.path])
+    return WornClutch(wear_through(vehicle, [*files, *absent], readings, limits, warnings), beside)
 
 
-def tracked(
+def wear_through(
     vehicle: str,
-    names: Sequence[str],
-    reads: Sequence[RecordingResult],
-    table: Mapping[str, Listed],
+    jobs: Sequence[RecordingJob],
+    readings: Sequence[WearReading],
     limits: LifeLimits,
     warnings: Sequence[str] = (),
-) -> Tracked:
-    """The wear of a vehicle through recordings that were read, with `names` in the `table`, in any order."""
-    history = arranged(names, [read.clock for read in reads], table)
+) -> Wear:
+    """The wear of a vehicle through recordings that were read, in any order."""
+    history = arranged(jobs, [reading.clock for reading in readings])
     history = replace(history, warnings=(*warnings, *history.warnings))
-    wear = wear_of(vehicle, history, [read.reading for read in reads], limits.table, limits.shift)
-    return Tracked(wear, tuple(reads[i] for i in history.order))
+    return wear_of(vehicle, history, readings, limits.table, limits.shift)
 
 
 def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
@@ -276,41 +236,41 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
     )
 
 
-def table_of(tracked: Tracked) -> pl.DataFrame:
+def table_of(wear: Wear) -> pl.DataFrame:
     """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all."""
     import polars as pl
 
-    wear, nothing = tracked.wear, float("nan")
+    nothing = float("nan")
     measured = [reading.measurement for reading in wear.readings]
     columns: dict[str, object] = {
-        "recording": [recording.name for recording in wear.dated],
+        "recording": [job.recording for job in wear.dated],
         "vehicle": [wear.vehicle] * len(wear.dated),
-        "begin": [recording.begin.isoformat() if recording.begin else None for recording in wear.dated],
-        "odometer [km]": [recording.odometer for recording in wear.dated],
-        "strokes [1]": [recording.strokes for recording in wear.dated],
+        "begin": [job.begin.isoformat() if job.begin else None for job in wear.dated],
+        "odometer [km]": [job.odometer for job in wear.dated],
+        "strokes [1]": [job.strokes for job in wear.dated],
         "status": [reading.status for reading in wear.readings],
         "message": [reading.message for reading in wear.readings],
         "trust": [reading.trust for reading in wear.readings],
         "outcome": list(wear.outcomes),
         "reason": list(wear.reasons),
-        "warnings": [" ".join(recording.warnings) for recording in wear.dated],
-        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == dated.name) or None for dated in wear.dated],
-        "half_load [m]": [read.half_load[0] for read in tracked.reads],
-        "half_load low [m]": [read.half_load[1] for read in tracked.reads],
-        "half_load high [m]": [read.half_load[2] for read in tracked.reads],
+        "warnings": [" ".join(job.warnings) for job in wear.dated],
+        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == job.recording) or None for job in wear.dated],
+        "half_load [m]": [reading.half_load[0] for reading in wear.readings],
+        "half_load low [m]": [reading.half_load[1] for reading in wear.readings],
+        "half_load high [m]": [reading.half_load[2] for reading in wear.readings],
         "shift measured [m]": [values.shift if values else nothing for values in measured],
         "shift measured std [m]": [values.shift_std if values else nothing for values in measured],
         "load measured [1]": [values.load if values else nothing for values in measured],
         "load measured std [1]": [values.load_std if values else nothing for values in measured],
         "temperature_ambient [K]": [values.temperature if values else nothing for values in measured],
-        "changes": [", ".join(read.changes) for read in tracked.reads],
+        "changes": [", ".join(reading.changes) for reading in wear.readings],
         "leak [m³/(Pa·s)]": [reading.leak.conductance if reading.leak else 0.0 for reading in wear.readings],
         "leak probability [1]": [reading.leak.probability if reading.leak else 0.0 for reading in wear.readings],
         "rest shift [m]": [reading.rest.value if reading.rest else nothing for reading in wear.readings],
         "rest shift low [m]": [reading.rest.low if reading.rest else nothing for reading in wear.readings],
         "rest shift high [m]": [reading.rest.high if reading.rest else nothing for reading in wear.readings],
         "rest cause": [rest.cause for rest in wear.rests],
-        "sha256": [read.sha256 for read in tracked.reads],
+        "sha256": [reading.sha256 for reading in wear.readings],
         "axis": [wear.axis] * len(wear.dated),
         "along": wear.s,
         "limit [m]": [nothing if wear.limit is None else wear.limit] * len(wear.dated),
@@ -348,7 +308,7 @@ def load_frame(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | N
     return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
 
 
-def write_tracked(tracked: Tracked, out: Path) -> None:
+def write_tracked(tracked: WornClutch, out: Path) -> None:
     """Write the rows, and beside them the loads as OUT.load.parquet.
 
     Raises
@@ -356,6 +316,7 @@ def write_tracked(tracked: Tracked, out: Path) -> None:
     ExportError
         If a file cannot be written; an existing one is then unchanged.
     """
-    write_frame(table_of(tracked), out)
-    names = [dated.name for dated in tracked.wear.dated]
-    write_frame(load_frame({"recording": names}, [read.curve for read in tracked.reads]), loads_path(out))
+    wear = tracked.wear
+    write_frame(table_of(wear), out)
+    names = [job.recording for job in wear.dated]
+    write_frame(load_frame({"recording": names}, [reading.curve for reading in wear.readings]), loads_path(out))

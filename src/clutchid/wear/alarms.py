@@ -12,7 +12,7 @@ from scipy import special
 from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
 from clutchid.strokes.vented_rest import RestShift
-from clutchid.wear.history import Dated, Leak, WearReading
+from clutchid.wear.history import Leak, RecordingJob, WearReading
 from clutchid.wear.trend import (
     AGED,
     DEPARTED,
@@ -152,7 +152,7 @@ class Alarm(NamedTuple):
 
 
 def alarms(
-    dated: Sequence[Dated],
+    dated: Sequence[RecordingJob],
     readings: Sequence[WearReading],
     verdicts: Sequence[TrendOutcome],
     then: dict[str, Band],
@@ -169,12 +169,12 @@ def alarms(
         for k in _begins(flags, [reading.has_result for reading in readings], least):
             leak = readings[k].leak
             size = leak.conductance if kind == "leak" and leak else 0.0
-            after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].has_result), "")
-            numbered.append((k, Alarm(after, dated[k].name, dated[k].begin, kind, 0.0, 0.0, size)))
-    for k, rest in enumerate(rests):
+            after = next((dated[j].recording for j in range(k - 1, -1, -1) if readings[j].has_result), "")
+            numbered.append((k, Alarm(after, dated[k].recording, dated[k].begin, kind, 0.0, 0.0, size)))
+    for k, (job, rest) in enumerate(zip(dated, rests, strict=True)):
         if rest.sudden:
-            after = next((dated[j].name for j in range(k - 1, -1, -1) if readings[j].rest is not None), "")
-            numbered.append((k, Alarm(after, dated[k].name, dated[k].begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
+            after = next((dated[j].recording for j in range(k - 1, -1, -1) if readings[j].rest is not None), "")
+            numbered.append((k, Alarm(after, job.recording, job.begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
     return tuple(alarm for _, alarm in sorted(numbered, key=lambda pair: pair[0]))
 
 
@@ -183,12 +183,12 @@ def _is_fault(leak: Leak) -> bool:
     return leak.probability > LEAKING and leak.conductance > AGED
 
 
-def _change(dated: Sequence[Dated], verdicts: Sequence[TrendOutcome], then: dict[str, Band], k: int) -> Alarm:
+def _change(dated: Sequence[RecordingJob], verdicts: Sequence[TrendOutcome], then: dict[str, Band], k: int) -> Alarm:
     """The alarm of a change before recording `k`."""
     earlier = max((j for j in range(k) if verdicts[j].outcome in ("used", *CHANGED)), default=0)
     shift, load = (float(then[name].value[k] - then[name].value[earlier]) for name in ("shift", "load"))
     kind, share = verdicts[k]
-    return Alarm(dated[earlier].name, dated[k].name, dated[k].begin, kind, shift, load, probability=share)
+    return Alarm(dated[earlier].recording, dated[k].recording, dated[k].begin, kind, shift, load, probability=share)
 
 
 def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.comparison import Measurement, change_of, comparison
+from clutchid.estimation.assess.comparison import HalfLoad, Measurement, change_of, comparison
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.names import natural
 from clutchid.strokes.vented_rest import RestShift
@@ -38,8 +41,28 @@ _DATE = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
-    """A row of the table of recordings; missing entries are empty, None or NaN."""
+class RecordingJob:
+    """A recording of a vehicle that is to be read; unknown entries are empty, None or NaN.
+
+    Attributes
+    ----------
+    recording, vehicle, type
+        Names of the recording, of its vehicle and of the type of that.
+    begin
+        Its time, by the table of recordings or, in a history, by what is known best.
+    odometer : km
+        Distance of the vehicle.
+    strokes
+        Number of strokes of the clutch.
+    path, start
+        Its file, and the calibration to start from.
+    problem
+        Why it cannot be read.
+    inputs, file
+        What its result depends on: version and calibration, and size and time of its file.
+    warnings
+        What is missing or contradicts in its time, one sentence each.
+    """
 
     recording: str
     vehicle: str = ""
@@ -47,32 +70,11 @@ class Listed:
     begin: datetime | None = None
     odometer: float = float("nan")
     strokes: float = float("nan")
-
-
-class Dated(NamedTuple):
-    """A recording with its place in a life; unknown entries are None or NaN.
-
-    Attributes
-    ----------
-    name
-        Of the recording.
-    begin
-        Its time.
-    odometer : km
-        Distance.
-    strokes
-        Number of strokes of the clutch.
-    source
-        Which of file, table and name the time is from.
-    warnings
-        What is missing or contradicts in its time, one sentence each.
-    """
-
-    name: str
-    begin: datetime | None
-    odometer: float
-    strokes: float
-    source: str
+    path: Path | None = None
+    start: Path | None = None
+    problem: str = ""
+    inputs: str = ""
+    file: str = ""
     warnings: tuple[str, ...] = ()
 
 
@@ -81,30 +83,28 @@ class History:
     """Recordings in order: `order` are their indices, `s` where they are on the axis, `warnings` what contradicts."""
 
     order: tuple[int, ...]
-    dated: tuple[Dated, ...]
+    dated: tuple[RecordingJob, ...]
     axis: Axis
     s: FloatArray
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
 
-def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Listed]) -> History:
+def arranged(jobs: Sequence[RecordingJob], clocks: Sequence[str]) -> History:
     """The order of recordings by their own clock, else the table, else a date in their name, else their name.
 
     Where all have strokes, these are the axis of the trend, else km, else days, else their number.
 
     Parameters
     ----------
-    names, clocks
-        Stem of each recording, and the start time in its file (ISO 8601), or an empty string.
-    table
-        Rows of the table of recordings by the stem.
+    jobs, clocks
+        Each recording as a table has it, and the start time in its file (ISO 8601), or an empty string.
     """
-    dated = [_dated(name, clock, table.get(name)) for name, clock in zip(names, clocks, strict=True)]
-    warnings = [f"{recording.name}: {sentence}" for recording in dated for sentence in recording.warnings]
-    missing = [recording.name for recording in dated if recording.begin is None]
+    dated = list(map(_dated, jobs, clocks))
+    warnings = [f"{job.recording}: {sentence}" for job in dated for sentence in job.warnings]
+    missing = [job.recording for job in dated if job.begin is None]
     if 0 < len(missing) < len(dated):
         warnings.append(f"{_some(missing)}: {_NO_TIME}")
-        dated = [row if row.begin else row._replace(warnings=(*row.warnings, _NO_TIME)) for row in dated]
+        dated = [job if job.begin else replace(job, warnings=(*job.warnings, _NO_TIME)) for job in dated]
     if len(missing) == len(dated) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
     order = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
@@ -112,9 +112,10 @@ def arranged(names: Sequence[str], clocks: Sequence[str], table: Mapping[str, Li
     return History(tuple(order), tuple(dated), axis, s, tuple(warnings))
 
 
-def _dated(name: str, clock: str, row: Listed | None) -> Dated:
+def _dated(job: RecordingJob, clock: str) -> RecordingJob:
+    """A recording with its time, and what contradicts in it."""
     warnings: list[str] = []
-    of_file, of_table, of_name = _instant(clock), row.begin if row else None, _date_in(name)
+    of_file, of_table, of_name = _instant(clock), job.begin, _date_in(job.recording)
     if of_file is not None and of_file < _CLOCKS:
         warnings.append(f"its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
         of_file = None
@@ -126,10 +127,7 @@ def _dated(name: str, clock: str, row: Listed | None) -> Dated:
     if begin and of_name and not of_name - _TOLERANCE <= begin <= of_name + _DAY + _TOLERANCE:
         where = "file" if of_file else "table"
         warnings.append(f"its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts.")
-    begin = begin or of_name
-    source = "file" if of_file else "table" if of_table else "name" if of_name else ""
-    odometer, strokes = (row.odometer, row.strokes) if row else (np.nan, np.nan)
-    return Dated(name, begin, odometer, strokes, source, tuple(warnings))
+    return replace(job, begin=begin or of_name, warnings=tuple(warnings))
 
 
 def _instant(text: str) -> datetime | None:
@@ -151,17 +149,17 @@ def _date_in(name: str) -> datetime | None:
         return None
 
 
-def _place(recording: Dated) -> tuple[bool, float, list[tuple[bool, int, str]]]:
+def _place(job: RecordingJob) -> tuple[bool, float, list[tuple[bool, int, str]]]:
     """Sort key: time, then name; recordings without a time last."""
-    return recording.begin is None, recording.begin.timestamp() if recording.begin else 0.0, natural(recording.name)
+    return job.begin is None, job.begin.timestamp() if job.begin else 0.0, natural(job.recording)
 
 
-def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray]:
+def _axis(dated: Sequence[RecordingJob], warnings: list[str]) -> tuple[Axis, FloatArray]:
     """Axis that all recordings have and that does not go back: strokes, km or days; else their number."""
-    columns: list[tuple[Axis, str, Callable[[Dated], float]]] = [
-        ("strokes", "strokes", lambda recording: recording.strokes),
-        ("km", "odometer_km", lambda recording: recording.odometer),
-        ("days", "time", lambda recording: recording.begin.timestamp() / 86400.0 if recording.begin else np.nan),
+    columns: list[tuple[Axis, str, Callable[[RecordingJob], float]]] = [
+        ("strokes", "strokes", lambda job: job.strokes),
+        ("km", "odometer_km", lambda job: job.odometer),
+        ("days", "time", lambda job: job.begin.timestamp() / 86400.0 if job.begin else np.nan),
     ]
     for axis, name, of in columns:
         values = np.array([of(recording) for recording in dated])
@@ -169,7 +167,7 @@ def _axis(dated: Sequence[Dated], warnings: list[str]) -> tuple[Axis, FloatArray
             continue
         back = np.flatnonzero(np.diff(values) < 0.0).tolist()
         if back:
-            where = [dated[i + 1].name for i in back]
+            where = [dated[i + 1].recording for i in back]
             warnings.append(f"{name} goes back at {_some(where)}, and is not used for the trend.")
             continue
         if values.size == 1 or values[-1] > values[0]:
@@ -198,8 +196,12 @@ class Leak(NamedTuple):
     probability: float
 
 
+#: No half-load position.
+NO_HALF_LOAD = HalfLoad(np.nan, np.nan, np.nan)
+
+
 class WearReading(NamedTuple):
-    """Result of one recording.
+    """Result of reading one recording.
 
     Attributes
     ----------
@@ -217,16 +219,31 @@ class WearReading(NamedTuple):
         How far the vented rest has moved since, if that is known.
     reason
         Why a recording that was read gives no measurement; empty where it gives one.
+    clock
+        Start time in the file; empty if unknown.
+    sha256
+        Checksum of the file.
+    half_load : m
+        Position where the load reaches half its peak.
+    changes
+        Since the calibration, one sentence each.
+    curve : N over m
+        The load; None without one.
     """
 
     status: str
     message: str
-    trust: str
-    measurement: Measurement | None
+    trust: str = "none"
+    measurement: Measurement | None = None
     leak: Leak | None = None
     departs: bool = False
     rest: RestShift | None = None
     reason: str = ""
+    clock: str = ""
+    sha256: str = ""
+    half_load: HalfLoad = NO_HALF_LOAD
+    changes: tuple[str, ...] = ()
+    curve: LoadCurve | None = None
 
     @property
     def has_result(self) -> bool:
@@ -237,6 +254,25 @@ class WearReading(NamedTuple):
     def unmeasured(self) -> str:
         """Reason why it gives no measurement, in a sentence; empty where it gives one."""
         return "" if self.measurement is not None else self.reason or self.message
+
+
+#: Fields of a reading that are records of their own.
+_PARTS = {"measurement": Measurement, "leak": Leak, "rest": RestShift, "half_load": HalfLoad}
+
+
+def packed_reading(reading: WearReading) -> tuple[str, bytes | None]:
+    """A reading as text, and its load as bytes, for a table."""
+    load = reading.curve
+    curve = None if load is None else np.ascontiguousarray(load.table().T, dtype="<f8").tobytes()
+    return json.dumps(reading._replace(curve=None)), curve
+
+
+def restored(text: str, curve: bytes | None) -> WearReading:
+    """The reading whose `packed_reading` form is a text and bytes."""
+    reading = WearReading(*json.loads(text))
+    parts = {name: kind(*getattr(reading, name)) for name, kind in _PARTS.items() if getattr(reading, name)}
+    load = None if curve is None else LoadCurve(*np.frombuffer(curve, dtype="<f8").reshape(4, -1))
+    return reading._replace(**parts, changes=tuple(reading.changes), curve=load)
 
 
 def leak_of(fit: Fit) -> Leak | None:

@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
-from clutchid.wear.history import Axis, Dated, History, WearReading
+from clutchid.wear.history import Axis, History, RecordingJob, WearReading
 from clutchid.wear.trend import (
     CHANNELS,
     GROWTH,
@@ -158,7 +159,7 @@ class Wear:
     vehicle: str
     axis: Axis
     s: FloatArray
-    dated: tuple[Dated, ...]
+    dated: tuple[RecordingJob, ...]
     readings: tuple[WearReading, ...]
     outcomes: tuple[str, ...]
     then: dict[str, Band]
@@ -202,6 +203,12 @@ class Wear:
     def counted(self) -> tuple[bool, ...]:
         """Whether each recording counts in the trend."""
         return tuple(outcome in COUNTED_OUTCOMES for outcome in self.outcomes)
+
+    @property
+    def curves(self) -> list[tuple[str, LoadCurve]]:
+        """The loads of the recordings that count in the trend, by name."""
+        rows = zip(self.dated, self.readings, self.counted, strict=True)
+        return [(job.recording, reading.curve) for job, reading, counts in rows if reading.curve and counts]
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from clutchid.errors import DataError
 from clutchid.files import small_file
 from clutchid.log import FloatArray
 from clutchid.measurements.suffixes import split_name
-from clutchid.wear.history import Listed
+from clutchid.wear.history import RecordingJob
 from clutchid.wear.trend import WearTable
 
 Key = TypeVar("Key", bound=Hashable)
@@ -39,7 +39,7 @@ _MOST_KM, _MOST_STROKES = 1e8, 1e9
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
-def read_table(path: Path) -> dict[str, Listed]:
+def read_table(path: Path) -> dict[str, RecordingJob]:
     """The table of recordings by stem: columns recording, and any of vehicle, type, date, odometer_km and strokes.
 
     Raises
@@ -50,7 +50,7 @@ def read_table(path: Path) -> dict[str, Listed]:
     return _by(path, lambda row: row.recording)
 
 
-def read_fleet_table(path: Path) -> dict[tuple[str, str], Listed]:
+def read_fleet_table(path: Path) -> dict[tuple[str, str], RecordingJob]:
     """The table of the recordings of many vehicles, by vehicle and stem.
 
     Raises
@@ -61,12 +61,12 @@ def read_fleet_table(path: Path) -> dict[tuple[str, str], Listed]:
     return _by(path, lambda row: (row.vehicle, row.recording))
 
 
-def _by(path: Path, key: Callable[[Listed], Key]) -> dict[Key, Listed]:
+def _by(path: Path, key: Callable[[RecordingJob], Key]) -> dict[Key, RecordingJob]:
     """The rows of a table of recordings by a key, under which no two rows differ."""
     rows = _rows(path)
     if "recording" not in rows[0]:
         raise DataError(f"{path}: has no column 'recording', only {', '.join(map(repr, rows[0]))}.")
-    by_key: dict[Key, Listed] = {}
+    by_key: dict[Key, RecordingJob] = {}
     problems: list[str] = []
     for line, row in enumerate(rows, start=2):
         try:
@@ -74,14 +74,15 @@ def _by(path: Path, key: Callable[[Listed], Key]) -> dict[Key, Listed]:
         except ValueError as error:
             problems.append(f"line {line}: {error}")
             continue
-        if _known(by_key.setdefault(key(entry), entry)) != _known(entry):
+        first = by_key.setdefault(key(entry), entry)
+        if first is not entry and _known(first) != _known(entry):
             problems.append(f"line {line}: '{entry.recording}' stands there twice, with other values.")
     if problems:
         raise DataError.of(str(path), problems)
     return by_key
 
 
-def _known(row: Listed) -> dict[str, object]:
+def _known(row: RecordingJob) -> dict[str, object]:
     """The entries of a row without its empty cells, whose NaN equals no other."""
     return {name: value for name, value in asdict(row).items() if not (isinstance(value, float) and math.isnan(value))}
 
@@ -135,7 +136,7 @@ def _rows(path: Path) -> list[dict[str, str]]:
     return rows
 
 
-def _listed(row: Mapping[str, str]) -> Listed:
+def _listed(row: Mapping[str, str]) -> RecordingJob:
     name = row["recording"]
     if not name:
         raise ValueError("no recording is named.")
@@ -144,7 +145,7 @@ def _listed(row: Mapping[str, str]) -> Listed:
         begin = datetime.fromisoformat(date) if date else None
     except ValueError:
         raise ValueError(f"date '{date}' is no ISO date, such as 2026-11-23 or 2026-11-23T14:05.") from None
-    return Listed(
+    return RecordingJob(
         split_name(Path(name).name)[0],
         row.get("vehicle", ""),
         row.get("type", ""),
