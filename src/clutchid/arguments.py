@@ -20,12 +20,10 @@ from typing import Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origi
 import numpy as np
 
 from clutchid.errors import DataError, ParameterError
+from clutchid.messages import shortened
 from clutchid.names import unknown_name
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
-
-#: Characters of a value that a message shows.
-_SHOWN = 40
 
 
 def is_number(value: object) -> bool:
@@ -282,6 +280,5 @@ def _kind(value: object) -> str:
 def _shown(value: object) -> str:
     """A value in a sentence; of a large container only the number of elements."""
     if isinstance(value, int | float | str | bytes | complex | None | list | tuple | dict):
-        text = repr(value)
-        return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+        return shortened(repr(value))
     return _kind(value)

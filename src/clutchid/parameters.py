@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
+from clutchid.messages import shortened
 from clutchid.names import check_names
 
 _APPENDIX = "Appendix A"
@@ -492,7 +493,7 @@ class Parameters:
             if type(value) is float and row.low < value < row.high:  # nearly all, of thousands that a search makes
                 continue
             if not is_number(value):
-                problems.append(f"{name} = {_short(value)}: a number in {row.unit} is needed.")
+                problems.append(f"{name} = {shortened(repr(value))}: a number in {row.unit} is needed.")
             elif not row.admits(float(value)):
                 problems.append(f"{_shown(name, float(value), row)}: {_advice(name, row)}")
             else:
@@ -559,12 +560,6 @@ class Parameters:
 
 def _shown(name: str, value: float, row: Row) -> str:
     return f"{name} = {value:g}" + ("" if row.unit == "1" else f" {row.unit}")
-
-
-def _short(value: object) -> str:
-    """A value as it is written, or its beginning."""
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def _advice(name: str, row: Row) -> str:

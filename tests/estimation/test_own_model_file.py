@@ -58,7 +58,7 @@ def test_a_file_without_a_model_has_values_for_every_model(tmp_path):
     ("old", "new", "model", "sentence"),
     [
         ("", "", None, "[model] own = 'spring': the file is for a model of your own, and a parameter file never loads"),
-        ("", "", CHANGED, f"[model] sha256 = '{SPRING.sha256[:12]}...': spring has '{CHANGED.sha256[:12]}...'. It is"),
+        ("", "", CHANGED, f"[model] sha256 = '{SPRING.sha256[:12]}…': spring has '{CHANGED.sha256[:12]}…'. It is"),
         ("sha256 =", "#", SPRING, "[model] sha256: missing; a file with own = 'spring' needs the hash of its model."),
         ("own =", "#", SPRING, "[model] variant = 'isothermal': the file is for this variant, not for the model"),
         ("c_r = 5000.0", "c_r = 'stiff'", SPRING, "c_r = 'stiff': a number in N/m is needed."),

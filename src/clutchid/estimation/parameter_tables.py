@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.files.records import Rule, collected, read_record, table
+from clutchid.messages import listed, shortened
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import Model
 from clutchid.model.equipment import Equipment
@@ -154,14 +155,10 @@ def _check_model(section: _ModelSection, own_model: OwnModel | None) -> None:
         )
     if own_model is not None and saved is not None and sha256 not in (None, own_model.sha256):
         raise ParameterError(
-            f"[model] sha256 = '{_short(sha256)}': {own_model} has '{_short(own_model.sha256)}'. It is another model "
-            f"than '{saved}' was when this file was saved, or its equations, parameters or states have changed since; "
-            "take that model, or calibrate again with this one."
+            f"[model] sha256 = '{shortened(str(sha256), 13)}': {own_model} has '{shortened(own_model.sha256, 13)}'. It "
+            f"is another model than '{saved}' was when this file was saved, or its equations, parameters or states "
+            "have changed since; take that model, or calibrate again with this one."
         )
-
-
-def _short(text: str | None) -> str:
-    return f"{text[:12]}..." if text and len(text) > 12 else str(text)
 
 
 def _duty_period(section: _ModelSection, problems: list[str]) -> float | None:
@@ -238,9 +235,8 @@ def _load(section: _ModelSection, values: dict[str, Any], defaults: bool, proble
     elif len(knots) > MOST_KNOTS:
         problems.append(f"[model] knots: {len(knots):,} positions; at most {MOST_KNOTS} are allowed.")
     elif missing:
-        shown = ", ".join(missing[:5]) + (", ..." if len(missing) > 5 else "")
         problems.append(
-            f"[parameters] {shown}: missing; {len(knots)} knots of load_basis = 'b-spline' need the "
+            f"[parameters] {listed(missing)}: missing; {len(knots)} knots of load_basis = 'b-spline' need the "
             f"{len(names)} weights {names[0]} to {names[-1]} in N."
         )
     if len(problems) > before:

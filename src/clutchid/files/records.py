@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from clutchid.arguments import is_number
 from clutchid.errors import ParameterError
 from clutchid.files import small_file
+from clutchid.messages import shortened
 from clutchid.names import unknown_name, unknown_names
 
 #: Bytes of a TOML file; the largest that clutchid writes, a calibration with many recordings, has a fifth of it.
@@ -54,9 +55,6 @@ def toml_of(content: bytes, path: str | PathLike[str], what: str) -> dict[str, A
 
 #: Correlations may differ from those of a covariance by as much: what rounding adds to a matrix of ill condition.
 _ROUNDING = 1e-6
-
-#: Characters of a value that a message shows.
-_SHOWN = 60
 
 #: Types in messages; the others are sections.
 _NOUNS: Mapping[Any, str] = {
@@ -176,9 +174,7 @@ def _fields(kind: Any) -> Mapping[str, tuple[Any, bool]]:
 
 def _got(content: object, where: str) -> str:
     """The content of an entry for a message; empty for a section or a missing entry."""
-    text = repr(content)
-    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
-    return "" if where.endswith("]") or content is MISSING else f" = {shown}"
+    return "" if where.endswith("]") or content is MISSING else f" = {shortened(repr(content))}"
 
 
 def _read(kind: Any, content: Any, where: str, rules: Mapping[str, Rule]) -> Any:

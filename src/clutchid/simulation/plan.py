@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log, holes
+from clutchid.messages import listed
 from clutchid.model.actuator import Actuator
 from clutchid.simulation.inputs import held_inputs, with_both_duties
 from clutchid.simulation.partition import Partition
@@ -120,7 +121,7 @@ def plan(
     ]
     warnings = []
     if len(segments) > 1:
-        cuts = ", ".join(f"{log.time[s.start]:.3f} s" for s in segments[1:6]) + (", ..." if len(segments) > 6 else "")
+        cuts = listed(f"{log.time[s.start]:.3f} s" for s in segments[1:])
         warnings.append(
             f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
             f"position and pressure start anew at {cuts}."

@@ -18,6 +18,7 @@ from clutchid.documents.results import WornClutch
 from clutchid.errors import DataError
 from clutchid.files import not_an_address, write_frame
 from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.processes import check_workers
 from clutchid.strokes.vented_rest import Zero
@@ -117,8 +118,8 @@ def vehicle_of(jobs: Sequence[RecordingJob], table: Mapping[str, RecordingJob], 
     if not vehicles:
         raise DataError(f"{source}: names none of the {len(paths)} recordings; its column 'recording' has their names.")
     if len(vehicles) > 1:
-        some = ", ".join(sorted(vehicles)[:3])
-        raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}, ...); track follows one.")
+        some = listed(sorted(vehicles), 3)
+        raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}); track follows one.")
     (vehicle,) = vehicles
     return vehicle
 
@@ -229,7 +230,7 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
     folders = sorted({path.resolve().parent for path in paths})
     if len(folders) < 2:
         return ()
-    names = ", ".join([*(as_text(folder.name) for folder in folders[:3]), *(["..."] if len(folders) > 3 else [])])
+    names = listed((as_text(folder.name) for folder in folders), 3)
     return (
         f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
         "with the vehicle of each, or one folder.",

@@ -17,6 +17,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
+from clutchid.messages import listed
 from clutchid.names import natural
 from clutchid.strokes.vented_rest import RestShift
 
@@ -103,7 +104,7 @@ def arranged(jobs: Sequence[RecordingJob], clocks: Sequence[str]) -> History:
     warnings = [f"{job.recording}: {sentence}" for job in dated for sentence in job.warnings]
     missing = [job.recording for job in dated if job.begin is None]
     if 0 < len(missing) < len(dated):
-        warnings.append(f"{_some(missing)}: {_NO_TIME}")
+        warnings.append(f"{listed(missing, 3)}: {_NO_TIME}")
         dated = [job if job.begin else replace(job, warnings=(*job.warnings, _NO_TIME)) for job in dated]
     if len(missing) == len(dated) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
@@ -168,16 +169,11 @@ def _axis(dated: Sequence[RecordingJob], warnings: list[str]) -> tuple[Axis, Flo
         back = np.flatnonzero(np.diff(values) < 0.0).tolist()
         if back:
             where = [dated[i + 1].recording for i in back]
-            warnings.append(f"{name} goes back at {_some(where)}, and is not used for the trend.")
+            warnings.append(f"{name} goes back at {listed(where, 3)}, and is not used for the trend.")
             continue
         if values.size == 1 or values[-1] > values[0]:
             return axis, values - (values[0] if axis == "days" else 0.0)
     return "recordings", np.arange(len(dated), dtype=np.float64)
-
-
-def _some(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return ", ".join(names[:3]) + more
 
 
 class Leak(NamedTuple):
