@@ -39,7 +39,7 @@ def recording(tmp_path_factory):
 
 def fitted(recording, start=None, free=FREE, measure=MEASURE):
     """The outcome of a calibration, or of what starts from the file `start`."""
-    actuator, request = start_of(start, None, FitRequest(measure, free, method="shooting"))
+    actuator, request = start_of(start, FitRequest(measure, free, method="shooting"))
     return fit_reading(Reading((recording,), ambient=101300.0, force=True), actuator, request)
 
 
@@ -139,11 +139,11 @@ def test_a_search_is_continued_only_for_the_same_files_columns_and_parameters():
 
 @pytest.mark.slow
 def test_a_prediction_error_search_is_continued_too(recording, tmp_path):
-    actuator, request = start_of(None, None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
+    actuator, request = start_of(None, FitRequest(MEASURE, ("load", "P_S"), method="prediction-error"))
     reading = Reading((recording,), ambient=101300.0, force=True)
     first = fit_reading(reading, actuator, request)
     saving.save_fit(first, tmp_path / "CAL.toml")
-    actuator, request = start_of(tmp_path / "CAL.toml", None, request)
+    actuator, request = start_of(tmp_path / "CAL.toml", request)
     again = fit_reading(reading, actuator, request)
     assert again.converged
     assert again.baseline is None

@@ -73,11 +73,11 @@ def test_a_file_for_another_model_is_refused_in_one_sentence(saved, old, new, mo
 
 
 def test_a_fit_starts_from_a_file_only_with_its_model(saved):
-    assert start_of(saved(), SPRING, FitRequest())[0].value("c_r") == 5e3
+    assert start_of(saved(), FitRequest(), SPRING)[0].value("c_r") == 5e3
     with pytest.raises(ParameterError, match="--model spring"):
-        start_of(saved(), None, FitRequest())
+        start_of(saved(), FitRequest())
     with pytest.raises(ParameterError, match="never loads code"):
-        start_of(saved(), "isothermal", FitRequest())
+        start_of(saved(), FitRequest(), "isothermal")
 
 
 def test_own_parameters_have_their_own_prior_and_drift():

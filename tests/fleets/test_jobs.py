@@ -135,7 +135,7 @@ def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
 @pytest.mark.parametrize(("seconds", "is_first"), [(0.0, False), (10.0, True), (3600.0, False)])
 def test_compilation_does_not_count_in_a_short_time_limit(depot, monkeypatch, seconds, is_first):
     order = []
-    monkeypatch.setattr(verbs, "start_file", lambda _: None)
+    monkeypatch.setattr(verbs, "content_of", lambda _: None)
     monkeypatch.setattr(verbs, "tasks", lambda *_, **__: [SimpleNamespace(start=depot / "cal.toml")])
     monkeypatch.setattr(verbs, "compile_first", lambda _, starts: order.append(starts), raising=False)
     monkeypatch.setattr(verbs, "read_all", lambda *_: order.append("read"))

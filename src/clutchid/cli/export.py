@@ -74,9 +74,9 @@ def export(
         Show the traceback of an error.
     """
     from clutchid.verbs import exporting
-    from clutchid.verbs.start import start_file
+    from clutchid.verbs.start import content_of
 
-    log = files.reading([check]).read(start_file(calibration).actuator)[0] if check else None
+    log = files.reading([check]).read(content_of(calibration).actuator)[0] if check else None
     slow = "fmu" in to and find_spec("ziglang")
     with progress_bar("export: the first FMU for Windows takes some minutes" if slow else "export"):
         export = exporting.export(

@@ -48,10 +48,10 @@ def look(
     from clutchid.documents import document_of
     from clutchid.verbs.looking import looked, save_proposed
     from clutchid.verbs.saving import check_outputs
-    from clutchid.verbs.start import start_file
+    from clutchid.verbs.start import content_of
 
     check_outputs({"--save": save}, [("the recording itself", file), ("the calibration", start)])
-    content = None if start is None else start_file(start)
+    content = None if start is None else content_of(start)
     result = looked(files.reading([file]), content)
     contents = result.contents
     document = document_of(result)

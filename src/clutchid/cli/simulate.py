@@ -70,7 +70,7 @@ def simulate(
     from clutchid.documents import document_of
     from clutchid.verbs.saving import check_outputs, write_log
     from clutchid.verbs.simulating import simulated
-    from clutchid.verbs.start import start_file
+    from clutchid.verbs.start import content_of
 
     inputs = [
         ("the recording itself", log),
@@ -78,7 +78,7 @@ def simulate(
         ("the recording of --band", band),
     ]
     check_outputs({"--out": out}, inputs)
-    partition, content = partition_of(every, parts, carry), start_file(parameters, model_of(model))
+    partition, content = partition_of(every, parts, carry), content_of(parameters, model_of(model))
     reading = files.reading([log], [] if band is None else [band], force=force)
     simulation = simulated(reading, content, partition, parameters)
     write_log(simulation.log, out)

@@ -18,7 +18,7 @@ from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results
 from clutchid.fleets.store import run_store
 from clutchid.names import as_text
 from clutchid.verbs.reading import Reading
-from clutchid.verbs.start import start_file
+from clutchid.verbs.start import content_of
 from clutchid.verbs.tracking import LifeLimits
 from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.tables import read_wear_table
@@ -128,7 +128,7 @@ def fleet(
     folder, calibrations, origin = Path(out), Path(start), Path(source)
     listed = fleet_of(origin, calibrations)
     if calibrations.is_file():
-        start_file(calibrations)  # a broken one is one sentence, not one a recording
+        content_of(calibrations)  # a broken one is one sentence, not one a recording
     how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:

@@ -81,7 +81,7 @@ class FitCommand:
         from clutchid.verbs.fitting import fitted
         from clutchid.verbs.start import start_of
 
-        actuator, request = start_of(start, model_of(self.search.model), self.search.request(self.verb))
+        actuator, request = start_of(start, self.search.request(self.verb), model_of(self.search.model))
         return fitted(reading, actuator, request, progress)
 
     @property

@@ -7,9 +7,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
 from clutchid.arguments import checked
-from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.fit import MethodName, fit_request
-from clutchid.estimation.parameter_file import ParameterFile, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.filter.filtering import compile_filter_beside
@@ -19,7 +17,7 @@ from clutchid.numerics.progress import report_stage as reported
 from clutchid.strokes.vented_rest import Zero
 from clutchid.verbs.options import requested
 from clutchid.verbs.reading import LogOrPath, Reading, inspected, reading_of
-from clutchid.verbs.start import CalibrationSource, content_of
+from clutchid.verbs.start import CalibrationSource, FitStart, start_of
 
 if TYPE_CHECKING:
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -230,10 +228,10 @@ def estimate(
     """
     asked = requested("estimate", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
     reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
-    return _ended(from_calibration(reading, content_of(start), asked, progress), on_failure)
+    return _ended(fitted(reading, start, asked, progress), on_failure)
 
 
-def fitted(reading: Reading, actuator: Actuator | None, request: FitRequest, progress: Progress | None = None) -> Fit:
+def fitted(reading: Reading, start: FitStart, request: FitRequest, progress: Progress | None = None) -> Fit:
     """Read and check recordings, and fit them as requested; a search that failed is a status.
 
     Raises
@@ -241,23 +239,15 @@ def fitted(reading: Reading, actuator: Actuator | None, request: FitRequest, pro
     DataError, ParameterError
         As `fit`.
     """
-    request = request.completed()
+    actuator, request = start_of(start, request.completed())
     if request.has_priors:
         compile_filter_beside()
-    start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
     reported(progress, "reading")
-    logs = reading.read(start, request.measure)
+    logs = reading.read(actuator, request.measure)
     reported(progress, "checks")
-    logs = inspected(logs, start, request.counted_from, request.zero, force=reading.force)
+    logs = inspected(logs, actuator, request.counted_from, request.zero, force=reading.force)
     count = len(reading.logs)
     return fit_request(logs[:count], actuator, request, logs[count:], progress)
-
-
-def from_calibration(
-    reading: Reading, content: ParameterFile, request: FitRequest, progress: Progress | None = None
-) -> Fit:
-    """`fitted`, from the actuator, the calibration and the search of a parameter file."""
-    return fitted(reading, content.actuator, started(content, request), progress)
 
 
 def _ended(fit: Fit, on_failure: Literal["raise", "return"]) -> Fit:

@@ -13,7 +13,7 @@ from clutchid.errors import DataError
 from clutchid.log import Log
 from clutchid.strokes.vented_rest import Zero
 from clutchid.verbs.reading import LogOrPath, Reading, reading_of
-from clutchid.verbs.start import CalibrationSource, calibration_file, content_of
+from clutchid.verbs.start import CalibrationSource, calibration_file
 
 # imported on use: a command that only reads files starts faster
 if TYPE_CHECKING:
@@ -86,9 +86,8 @@ def observe(
     >>> f"{run.strokes[-1].curve.force.max() / 1e3:.1f} kN, {run.estimates()['pressure_a'].max() / 1e5:.1f} bar"
     '4.3 kN, 5.2 bar'
     """
-    content = calibration_file(Path(start)) if isinstance(start, str | PathLike) else content_of(start)
     reading = reading_of(log, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=zero)
-    return observed(reading, content, method, None if resume is None else Path(resume), supply_std)
+    return observed(reading, calibration_file(start), method, None if resume is None else Path(resume), supply_std)
 
 
 def observed(

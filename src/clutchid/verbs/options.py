@@ -177,7 +177,7 @@ class ReadingText:
 USUAL_SEARCH, USUAL_FILES = RequestText(), ReadingText()
 
 
-def words_of(options: RequestText | ReadingText, *leave_out: str) -> list[str]:
+def words_of(options: RequestText | ReadingText) -> list[str]:
     """Options that differ from their defaults, as arguments of a command.
 
     Examples
@@ -188,7 +188,7 @@ def words_of(options: RequestText | ReadingText, *leave_out: str) -> list[str]:
     words: list[str] = []
     for option in fields(options):
         value = getattr(options, option.name)
-        if option.name in leave_out or value in (option.default, [], ""):
+        if value in (option.default, [], ""):
             continue
         texts = [str(item) for item in value] if isinstance(value, list) else [str(value)]
         words += [f"--{option.name}", *texts]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.errors import ClutchidError, ParameterError
+from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
@@ -23,49 +24,44 @@ if TYPE_CHECKING:
 #: A calibration: a result, the contents of its file, or the path of that.
 CalibrationSource = Fit | ParameterFile | str | PathLike[str]
 
+#: The same, or an actuator; None is the one that a request needs.
+FitStart = CalibrationSource | Actuator | None
 
-def content_of(start: CalibrationSource) -> ParameterFile:
-    """Parameters and calibration to start from.
+
+def content_of(start: CalibrationSource, model: Model | None = None) -> ParameterFile:
+    """Parameters and calibration to start from; a file defines the model, and one of the user's own must be the same.
 
     Raises
     ------
     DataError, ParameterError
-        If the file cannot be read.
+        If the file cannot be read or understood, or a different `model` is given.
     """
     from clutchid.verbs.saving import parameter_file
 
     if isinstance(start, ParameterFile):
         return start
-    return parameter_file(start) if isinstance(start, Fit) else read_parameters(start)
-
-
-def start_file(path: Path, model: Model | None = None) -> ParameterFile:
-    """The parameter file to start from, which defines the model; a model of the user's own must be the same.
-
-    Raises
-    ------
-    ParameterError
-        If the file cannot be understood, or a different `model` is given.
-    """
-    content = read_parameters(path, model if isinstance(model, OwnModel) else None)
+    if isinstance(start, Fit):
+        return parameter_file(start)
+    content = read_parameters(start, model if isinstance(model, OwnModel) else None)
     if model is not None and model != content.actuator.model:
-        raise ParameterError(f"--model {model}: {path} is for the model '{content.actuator.model}'; leave --model out.")
+        own = content.actuator.model
+        raise ParameterError(f"--model {model}: {start} is for the model '{own}'; leave --model out.")
     return content
 
 
-def start_of(path: Path | None, model: Model | None, request: FitRequest) -> tuple[Actuator | None, FitRequest]:
+def start_of(start: FitStart, request: FitRequest, model: Model | None = None) -> tuple[Actuator, FitRequest]:
     """The actuator to start from, and the request with calibration and search of its file, if it supports them.
-
-    Without both it is the actuator that the request needs, None.
 
     Raises
     ------
-    ParameterError
-        As `start_file`.
+    DataError, ParameterError
+        As `content_of`.
     """
-    if path is None:
-        return None if model is None else Actuator(model=model), request
-    content = start_file(path, model)
+    if start is None:
+        start = Actuator(model=model or (AUTOMATIC if request.automatic else "isothermal"))
+    if isinstance(start, Actuator):
+        return start, request
+    content = content_of(start, model)
     return content.actuator, started(content, request)
 
 
@@ -77,7 +73,7 @@ def compile_models(calibrations: Iterable[Path]) -> None:
     models = set()
     for path in calibrations:
         with suppress(ClutchidError):
-            models.add(start_file(path).actuator.model)
+            models.add(content_of(path).actuator.model)
     compile_ahead(models)
     compile_filter()
 
@@ -103,8 +99,8 @@ def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
     return content.origin, by_data and by_data.widened(QUANTILE * content.calibration.missed)
 
 
-def calibration_file(path: Path) -> ParameterFile:
-    """The calibration of an observer, whose file must have a load.
+def calibration_file(start: CalibrationSource) -> ParameterFile:
+    """The calibration of an observer; a file must have a load.
 
     Raises
     ------
@@ -113,10 +109,12 @@ def calibration_file(path: Path) -> ParameterFile:
     """
     from clutchid.files.records import read_toml
 
-    content = start_file(path)
-    if not set(read_toml(path, "parameter file").get("parameters", {})) & set(content.actuator.load.names):
+    content = content_of(start)
+    if isinstance(start, Fit | ParameterFile):
+        return content
+    if not set(read_toml(Path(start), "parameter file").get("parameters", {})) & set(content.actuator.load.names):
         raise ParameterError(
-            f"{path}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
+            f"{start}: has no load weights (theta_1, ...) in [parameters], and an observer starts from a load; "
             "calibrate with pressure first: clutchid calibrate LOG --save CAL.toml."
         )
     return content

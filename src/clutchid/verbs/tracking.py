@@ -33,7 +33,7 @@ from clutchid.verbs.folders import (
 )
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
-from clutchid.verbs.start import start_file
+from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import (
     counted_once,
     read_recording,
@@ -191,7 +191,7 @@ def track(
     >>> len(tracked.wear.readings), bool(abs(tracked.wear.now["shift"].value[0]) < 0.2e-3)
     (1, True)
     """
-    start_file(Path(start))  # a broken one is one sentence, not one a recording
+    content_of(Path(start))  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}
     limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings

@@ -24,7 +24,7 @@ from clutchid.strokes.vented_rest import Zero, from_rest
 from clutchid.verbs.fitting import fitted
 from clutchid.verbs.observing import ANYWAY, observed
 from clutchid.verbs.reading import REFUSED, Reading
-from clutchid.verbs.start import start_file
+from clutchid.verbs.start import content_of
 from clutchid.wear.history import NO_HALF_LOAD, RecordingJob, WearReading, leak_of, unmeasured
 
 if TYPE_CHECKING:
@@ -142,4 +142,4 @@ def _observed(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
 @lru_cache(maxsize=64)
 def _calibration(path: Path, _checksum: str) -> ParameterFile:
     """A calibration, read once a process; the workers of a scheduler outlive a change of its file."""
-    return start_file(path)
+    return content_of(path)
