@@ -1,8 +1,7 @@
-"""Frames as lines of text: candump in its forms, and tables with an identifier and a payload."""
+"""Frames as lines of text: candump in its forms; what other tools write is refused with what to do."""
 
 import contextlib
 import re
-from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +19,9 @@ TEXTS = {path.stem: path.read_text() for path in sorted(Path(__file__).with_name
 STAMPS = np.round(np.arange(24) * 0.005 + 0.25, 6)
 FRAMES = [(stamp, 0x100 + i % 2, bytes([i, 0, 0xAA, 255, 4, 5, 6, 7])) for i, stamp in enumerate(STAMPS.tolist())]
 
-#: Forms that are frames in a text; the others are read by python-can.
-FORMS = sorted(TEXTS.keys() - {"asc", "trc"})
-
-#: Forms whose lines do not say how long the payload is.
-WITHOUT_LENGTH = ("candump_L", "ixxat", "css_text", "cabana", "vehicle_spy")
+#: Forms that are read, of candump and of a trace window.
+READ = {form: text for form, text in TEXTS.items() if form.startswith(("candump", "asc", "trc", "trace"))}
+FORMS = sorted(READ.keys() - {"asc", "trc"})
 
 
 def lines(form):
@@ -42,39 +39,32 @@ def test_frames_are_the_same_in_every_text(form, save):
     assert not block.extended.any()
 
 
-@pytest.mark.parametrize("form", TEXTS)
+@pytest.mark.parametrize("form", READ)
 def test_a_line_that_is_cut_off_is_no_frame_with_zeros(form, save):
     *text, last = lines(form)[-9:]
     head, data = lines(form)[: -len(FRAMES)], FRAMES[-1][2]
     for cut in range(len(last) - 20, len(last)):
         (block,) = frame_log(save("\n".join([*head, *text, last[:cut]]), "run.log")).blocks()
         if len(block) > 8:
-            assert form.startswith(WITHOUT_LENGTH) or block.length[-1] == 8
+            assert form.startswith("candump_L") or block.length[-1] == 8
             size = min(int(block.length[-1]), 7)  # of the last byte a digit may be missing
             assert bytes(block.data[-1])[:size] == data[:size]
 
 
-@pytest.mark.parametrize("name", ["Type", "Format"])
-@pytest.mark.parametrize(
-    ("kind", "extended"), [("1", 0), ("9", 0), ("T", 0), ("Std", 0), ("x", 1), ("Ext", 1), ("29", 1)]
-)
-def test_a_type_says_29_bits_by_a_word_only(name, kind, extended, save):
-    rows = [f"{t:.6f},{kind},{i:X},8,{d.hex()}" for t, i, d in FRAMES]
-    (block,) = frame_log(save("\n".join([f"Time,{name},ID,DLC,Data", *rows]) + "\n", "run.csv")).blocks()
-    assert block.extended.tolist() == [extended] * len(FRAMES)
+@pytest.mark.parametrize("form", sorted(TEXTS.keys() - READ.keys()))
+def test_what_other_tools_write_is_refused_with_what_to_do(form, save):
+    path = save(TEXTS[form], "run.log")
+    assert is_recording(path), "so that a folder with it says it, too"
+    what = {"b": "log of BUSMASTER", "m": "log of Kvaser"}.get(
+        form[0], "log of Kvaser" if "king" in form else "table of frames"
+    )
+    with pytest.raises(DataError, match=f"run.log: is a {what}; convert it to BLF or ASC with the tool that wrote it"):
+        read(path)
 
 
-def test_a_short_frame_ends_its_line_early(save):
-    rows = [f"{t:.6f},{i:X},1,{d[: 4 if i % 2 else 8].hex(',')}" for t, i, d in FRAMES]
-    (block,) = frame_log(save("\n".join(["Time,ID,Bus,B0,B1,B2,B3,B4,B5,B6,B7", *rows]) + "\n", "run.csv")).blocks()
-    assert block.length.tolist() == [4 if i % 2 else 8 for _, i, _ in FRAMES]
-
-
-@pytest.mark.parametrize("form", ["candump_td", "busmaster_decimal"])
-def test_a_remote_frame_counts_in_times_since_the_line_before(form, save):
-    text, at = lines(form), len(lines(form)) - 9
-    remote = {"candump_td": r"[0]  remote request", "busmaster_decimal": "sr 8"}[form]
-    text[at] = re.sub(r"\[8\].*|s 8 .*", remote, text[at])
+def test_a_remote_frame_counts_in_times_since_the_line_before(save):
+    text = lines("candump_td")
+    text[-9] = re.sub(r"\[8\].*", r"[0]  remote request", text[-9])
     (block,) = frame_log(save("\n".join(text) + "\n", "run.log")).blocks()
     assert dict(block.left_out) == {"remote frame": 1}
     assert block.stamp[-1] - block.stamp[0] == pytest.approx(STAMPS[-1] - STAMPS[0], abs=1e-9)
@@ -116,25 +106,3 @@ def test_spoiled_texts_give_frames_or_a_sentence(form, tmp_path):
         path.write_bytes(spoiled(good, seed))
         with contextlib.suppress(DataError):
             assert sum(map(len, frame_log(path).blocks())) <= len(FRAMES) + 40
-
-
-def test_a_number_of_a_bus_may_be_any(save):
-    text = lines("gvret")
-    text[3] = text[3].replace(",Rx,0,", f",Rx,{'9' * 30},")
-    (block,) = frame_log(save("\n".join(text) + "\n", "run.csv")).blocks()
-    assert block.bus.tolist()[:4] == [1, 1, 0xFFFF, 1]
-
-
-def test_a_log_of_busmaster_says_when_it_began_and_passes_over_what_is_no_frame(save):
-    text = lines("busmaster")
-    text[10:12] = ["oops", "12:00:00:2650 Rx 1 0x100 sr 8 "]
-    text += ["***[STOP LOGGING SESSION]***"]
-    log = frame_log(save("\n".join(text) + "\n", "run.log"))
-    (block,) = log.blocks()
-    assert dict(block.left_out) == {"unreadable line": 1, "remote frame": 1}
-    assert log.start + timedelta(seconds=block.stamp[0]) == datetime(2024, 5, 1, 12, 0, 0, 250_000)
-    absolute = TEXTS["busmaster"].replace("SYSTEM", "ABSOLUTE")
-    assert frame_log(save(absolute, "absolute.log")).start == datetime(2024, 5, 1, 12)
-    other = [line.replace("PROTOCOL CAN", "PROTOCOL J1939") for line in text]
-    with pytest.raises(DataError, match="is a log of J1939; record the frames of the CAN bus"):
-        read(save("\n".join(other) + "\n", "other.log"))

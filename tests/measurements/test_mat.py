@@ -339,35 +339,3 @@ def test_variables_of_a_large_file_are_not_kept_in_memory(opened, monkeypatch, o
     assert large.warnings == in_memory.warnings
     np.testing.assert_array_equal(values(large, "y"), Y)
     assert sum(table.size for table in large.tables(1, [1], 7)) == N
-
-
-@pytest.mark.parametrize("form", ["4", "5"])
-@pytest.mark.parametrize("transposed", [True, False])
-def test_channels_of_a_modelica_result_have_the_names_and_units_in_it(tmp_path, form, transposed):
-    names, about = ["time", "rod.s", "rod.minus", "k"], ["Simulation time [s]", "Travel [mm]", "[mm|m]", "Constant"]
-    info = np.array([[0, 1, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1], [1, 2, 0, 0]], dtype=np.int32)
-    data = np.column_stack([np.arange(40) * 1e-3, np.sin(np.arange(40))])
-
-    def characters(texts):
-        rows = [text.ljust(20) for text in texts]
-        return np.array(["".join(column) for column in zip(*rows, strict=True)] if transposed else rows)
-
-    matrices = {
-        "Aclass": np.array(["Atrajectory", "1.1", "", "binTrans" if transposed else "binNormal"]),
-        "name": characters(names), "description": characters(about),
-        "dataInfo": info.T if transposed else info,
-        "data_1": np.array([[0.0, 1.0], [0.039, 1.0]]).T if transposed else np.array([[0.0, 1.0], [0.039, 1.0]]),
-        "data_2": data.T if transposed else data,
-    }  # fmt: skip
-    path = tmp_path / "run.mat"
-    savemat(path, matrices, format=form)
-    source = mat_file.open_file(path)
-    (raster,) = source.rasters
-    assert [(heading.text, heading.unit) for heading in raster.headings] == [
-        ("time", "s"),
-        ("rod.s", "mm"),
-        ("rod.minus", "mm"),
-    ]
-    (table,) = source.tables(0, [0, 1, 2])
-    assert np.array_equal(table.numbers[1], data[:, 1])
-    assert np.array_equal(table.numbers[2], -data[:, 1])

@@ -24,8 +24,7 @@ class Format(NamedTuple):
     frames: str = ""
 
 
-#: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for. The last
-#: three have suffixes of others: tables whose columns are those of frames, texts `.txt` and logs `.log`.
+#: Every format that is read. Files are told apart by content; the suffixes are what folders are searched for.
 FORMATS = (
     Format("parquet", (".parquet", ".pq"), (b"PAR1", b"PARE"), opener="parquet.file.open_file"),
     Format("csv", (".csv", ".tsv", ".tab", ".txt"), opener="csv.file.open_file"),
@@ -39,9 +38,6 @@ FORMATS = (
     Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
     Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
     Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
-    Format("frames", (), sign="can.texts.is_frame_table", frames="can.texts.frame_table_log"),
-    Format("kvaser", (), sign="can.kvaser.is_kvaser", frames="can.kvaser.kvaser_log"),
-    Format("busmaster", (), sign="can.busmaster.is_busmaster", frames="can.busmaster.busmaster_log"),
 )  # fmt: skip
 
 #: Suffixes after that of the format: a packed file, or Parquet that says how it is packed inside.

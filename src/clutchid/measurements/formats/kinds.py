@@ -29,7 +29,7 @@ _UNPACK = "unpack it, and name the recording in it"
 _JSON = "a JSON file"
 _DATABASE = "name the recording of the bus, and give this file with --dbc"
 _EXPORT = "export the channels as CSV, Parquet or MDF"
-_FRAMES = "save the frames as BLF or ASC, or as a table with columns for time, identifier, bus and data"
+_FRAMES = "convert it to BLF or ASC with the tool that wrote it, or record with `candump -L`"
 
 #: First bytes of files that are no recordings: what they are, and what to do.
 _FOREIGN = (
@@ -72,11 +72,28 @@ _TEXTS = (
     (r"\s*LIN_description_file\b", "an LDF description of a LIN bus", _EXPORT),
     (r"\d+\.\d+ \d?(CXX|[RT](11|29)) ", "a CRTD log of frames", _FRAMES),
     (r"(//.*\n)*//\s*Microchip Technology", "a log of Microchip's CAN analyzer", _FRAMES),
-    (r"(?s).{0,2000}\bTime[;,\t]Channel[;,\t]PGN[;,\t]", "a table of Kvaser with PGNs in place of identifiers",
-     "convert the log with identifiers"),
+    (r"\*{3}BUSMASTER", "a log of BUSMASTER", _FRAMES),
+    (r"(?i)\s*Chn\s+Identifier\s+Flg\s+DLC\b|\s*Kvaser Memorator Log\b", "a log of Kvaser", _FRAMES),
     (r"\|CF,\d", "an imc FAMOS file", _EXPORT),
     (r"DIAEXTENDED\b", "a header of DIAdem, whose samples lie in other files", _EXPORT),
 )  # fmt: skip
+
+#: Names of columns that a table of frames has, without blanks: a time, an identifier, a payload, and what only frames
+#: have besides; a type may be of anything, unless there are no other columns.
+_TIME = {"time", "timestamp", "timestampepoch", "abstime", "reltime"}
+_IDENTIFIER = {"id", "canid", "arbid", "arbitrationid", "identifier", "msgid", "messageid", "addr", "address", "pgn"}
+_PAYLOAD = {"data", "databytes", "payload", "data0", "data1", "b0", "b1", "d0", "d1", "byte0", "byte1"}
+_OF_FRAMES = {"dlc", "len", "length", "bus", "buschannel", "channel", "extended", "ide", "xtd", "flags", "dir", "rtr"}
+_OF_ANYTHING = _TIME | _IDENTIFIER | _PAYLOAD | {"type", "format"}
+
+
+def _is_frame_table(text: str) -> bool:
+    """Whether one of the first lines of a text names the columns of raw frames."""
+    for line in text.splitlines()[:60]:
+        names = {re.sub(r"[\s_.\-\"]|[\[(].*", "", cell).casefold() for cell in re.split("[,;\t]", line)}
+        if names & _TIME and names & _IDENTIFIER and names & _PAYLOAD and (names & _OF_FRAMES or names <= _OF_ANYTHING):
+            return True
+    return False
 
 
 def is_recording(path: Path) -> bool:
@@ -94,7 +111,7 @@ def is_recording(path: Path) -> bool:
     except DataError:
         return True
     if suffix == ".log":
-        return any(row.frames for row in FORMATS if row.kind == kind_of(head))
+        return _FRAMES in refusal(head, path) or any(row.frames for row in FORMATS if row.kind == kind_of(head))
     return b"\0" in head or _NUMBERS.search(head) is not None  # UTF-16 has zeros
 
 
@@ -182,7 +199,7 @@ def refusal(head: bytes, path: Path) -> str:
     for pattern, what, advice in _TEXTS:
         if re.match(pattern, text) and not (what == _JSON and kind_of(head) == "jsonl"):
             return f"is {what}; {advice}."
-    return ""
+    return f"is a table of frames; {_FRAMES}." if _is_frame_table(text) else ""
 
 
 def _zip_refusal(path: Path) -> str:

@@ -149,9 +149,8 @@ def text_log(
     parse: Callable[[str], FrameLine | None],
     *,
     between: bool = False,
-    header: int = 0,
 ) -> FrameLog:
-    """The log of a text with a frame a line, below a number of filled lines (`header`); lines of stars are remarks.
+    """The log of a text with a frame a line.
 
     A line that is parsed has its end; only the last one of a file that was cut off has none.
 
@@ -161,12 +160,12 @@ def text_log(
     def frames() -> Iterator[Frame | str]:
         now = 0.0
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            for line in islice(filter(str.strip, file), header, None):
+            for line in filter(str.strip, file):
                 try:
                     parsed = parse(line)
                 except (ValueError, LookupError):
                     parsed = None
-                stamp, fields = parsed or (0.0, "" if line.startswith("***") else UNREADABLE)
+                stamp, fields = parsed or (0.0, UNREADABLE)
                 now = now + stamp if between else stamp
                 if fields:
                     yield fields if isinstance(fields, str) else Frame(now, *fields)

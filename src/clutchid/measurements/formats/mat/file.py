@@ -16,7 +16,7 @@ from pathlib import Path
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
-from clutchid.measurements.formats.mat import hdf5, loaded, modelica
+from clutchid.measurements.formats.mat import hdf5, loaded
 from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
 from clutchid.measurements.formats.mat.objects import with_objects
 from clutchid.measurements.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
@@ -52,6 +52,10 @@ _IN_MATLAB = {
 }
 
 
+#: Matrices of a result of Modelica tools, whose channels have their names in another matrix.
+_MODELICA = {"Aclass", "name", "dataInfo"}
+
+
 @dataclass(frozen=True, slots=True)
 class _Version:
     name: str
@@ -59,8 +63,8 @@ class _Version:
     opened: Callable[[Path], AbstractContextManager[ReadSamples]]
 
 
-_V4 = _Version("MATLAB 4", modelica.contents, loaded.opened)
-_V5 = _Version("MATLAB 5", modelica.contents, loaded.opened)
+_V4 = _Version("MATLAB 4", loaded.contents, loaded.opened)
+_V5 = _Version("MATLAB 5", loaded.contents, loaded.opened)
 _V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
 
 
@@ -161,6 +165,8 @@ def _is_v4(head: bytes) -> bool:
 
 def _source(path: Path, version: _Version, head: bytes) -> Source:
     root = with_objects(path, version.contents(path))
+    if root.fields.keys() >= _MODELICA:
+        return refused(path, version.name, "is a result of a Modelica tool; export its variables as CSV.")
     key = _KEY if _KEY in root.fields else _EARLIER
     mark = root.fields.get(key)
     own = own_metadata(mark.text) if isinstance(mark, CharArray) else None
