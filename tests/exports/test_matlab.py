@@ -1,9 +1,8 @@
-"""An exported observer in MATLAB, Octave and Simulink against the C program that replays a recording."""
+"""An exported observer in Simulink against the C program that replays a recording."""
 
 from __future__ import annotations
 
 import ctypes
-import os
 import re
 import subprocess
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.log import FloatArray
 from clutchid.model import Actuator
 from clutchid.observer import observer
-from fixtures.export_c import OPTIMISED, STRICT, compiled, replay, write_sources
+from fixtures.export_c import STRICT, compiled, replay, write_sources
 from fixtures.programs import path_of
 
 pytestmark = pytest.mark.slow
@@ -30,8 +29,6 @@ pytestmark = pytest.mark.slow
 BEGINS = 3000
 
 POSITIONS = np.linspace(0.0, 0.024, 7)
-
-octave = pytest.mark.needs("octave-cli", "mkoctfile")
 
 
 @dataclass(frozen=True)
@@ -142,9 +139,8 @@ def test_two_blocks_of_simulink_have_the_numbers_of_two_programs_bit_for_bit(
     """In turn, in one model: the second one begins 500 samples later in the recording."""
     for file, text in {"simstruc.h": SIMSTRUC, "simulink.c": SIMULINK}.items():
         (tmp_path / file).write_text(text)
-    matlab = exported.folder / "matlab"
     options = ("-DMATLAB_MEX_FILE", f"-I{tmp_path}", f"-I{exported.folder / 'src'}", *STRICT, "-shared", "-fPIC")
-    sources = [matlab / "release_sfun.c", matlab / "release_simulink.c", *exported.sources]
+    sources = [exported.folder / "matlab" / "release_sfun.c", *exported.sources]
     library = ctypes.CDLL(str(compiled(sources, tmp_path / "simulink.so", *options)))
     library.block.restype = ctypes.c_void_p
     begins = ctypes.c_double(BEGINS * 1e-6)
@@ -171,49 +167,13 @@ def pointer(values: FloatArray) -> ctypes.c_void_p:
     return ctypes.c_void_p(values.ctypes.data)
 
 
-def run_octave(folder: Path, statements: str) -> None:
-    command = [path_of("octave-cli"), "--norc", "--quiet", "--eval", statements]
-    environment = {**os.environ, "CC": path_of("cc"), "CFLAGS": f"{OPTIMISED} -fPIC"}  # of mkoctfile
-    subprocess.run(command, cwd=folder, check=True, capture_output=True, env=environment)
-
-
-@octave
-def test_the_mex_function_has_the_numbers_of_the_replay_bit_for_bit(exported: Exported, tmp_path: Path) -> None:
-    exported.samples.T.tofile(tmp_path / "samples")
-    POSITIONS.tofile(tmp_path / "positions")
-    run_octave(
-        tmp_path,
-        f"addpath('{exported.folder / 'matlab'}'); make_mex();"
-        "function x = get(name, n), f = fopen(name); x = fread(f, [n, Inf], 'double'); fclose(f); end;"
-        "function put(name, x), f = fopen(name, 'w'); fwrite(f, x', 'double'); fclose(f); end;"
-        f"samples = reshape(get('samples', 1), {len(exported.samples)}, 6);"
-        f"[y, load] = release_mex(samples, get('positions', 1), {BEGINS * 1e-6});"
-        "put('y', y); put('load', load);"
-        f"assert(isequaln(release_mex(samples, [], {BEGINS * 1e-6}), y));"
-        "assert(! isequaln(release_mex(samples), y));"
-        f"samples(:, 5) = NaN; assert(! isequaln(release_mex(samples, [], {BEGINS * 1e-6}), y));",
-    )
-    np.testing.assert_array_equal(np.fromfile(tmp_path / "y").reshape(-1, len(OUTPUTS)), exported.results)
-    np.testing.assert_array_equal(np.fromfile(tmp_path / "load").reshape(-1, 3), exported.load)
-    refused = ("", "1", "zeros(2, 5)", "single(zeros(2, 6))", "1i * ones(2, 6)", "zeros(2, 6), 0, [1 2]")
-    run_octave(
-        exported.folder / "matlab",
-        "refused = {" + ", ".join(f"@() release_mex({arguments})" for arguments in refused) + "};"
-        "for k = 1:numel(refused), ok = false; try, refused{k}(); catch e, "
-        "ok = strcmp(e.identifier, 'clutchid:release'); end; assert(ok); end",
-    )
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["load", "positions", "samples", "y"]
-    built = {f.name for f in (exported.folder / "matlab").iterdir()} - matlab_files(exported.style).keys()
-    assert built == {"release_mex.mex"}
-
-
-@octave
+@pytest.mark.needs("octave-cli")
 def test_the_build_of_the_s_function_names_files_that_are_there(exported: Exported, tmp_path: Path) -> None:
     """In the folder of the script, wherever it is called."""
     (tmp_path / "mex.m").write_text(
         "function mex(varargin)\n"
-        "for file = varargin(5:end), assert(exist(fullfile(pwd, file{1}), 'file') == 2); end\n"
-        "assert(strcmp(varargin(1:3), {'-I.', '-I../src', '-output'}));\n"
+        "for file = varargin(4:end), assert(exist(fullfile(pwd, file{1}), 'file') == 2); end\n"
+        "assert(strcmp(varargin(1:2), {'-I../src', '-output'}));\n"
         "end\n"
     )
     for name, result in (("new_system", "m = 1"), ("open_system", ""), ("get_param", "m = 'model'"), ("set_param", "")):
@@ -223,4 +183,5 @@ def test_the_build_of_the_s_function_names_files_that_are_there(exported: Export
         "function add_block(varargin)\nassert(isequal(str2num(varargin{end}), [2e-3, 0]));\n"
         "assert(strcmp(varargin{4}, 'release_sfun'));\nend\n"
     )
-    run_octave(tmp_path, f"addpath('{exported.folder / 'matlab'}', pwd); make_sfunction(2e-3);")
+    statements = f"addpath('{exported.folder / 'matlab'}', pwd); make_sfunction(2e-3);"
+    subprocess.run([path_of("octave-cli"), "--norc", "--quiet", "--eval", statements], cwd=tmp_path, check=True)

@@ -73,11 +73,11 @@ def test_a_command_is_spelled_from_its_options_and_reads_the_same(tmp_path):
         verb="fit", logs=(Path("-a.csv"), Path("b.csv")), start=Path("CAL.toml"),
         search=RequestText(free="load,P_S", bounds=["P_S=8e5:9e5", "theta_1=0:"]), verify=(Path("c.csv"),),
         files=ReadingText(ambient="1.01bar", map=Path("m.toml"), dbc=[Path("x.dbc"), Path("y.dbc")]), force=True,
-        save=(Path("out.toml"), Path("out.m")), report=Path("page.html"),
+        save=(Path("out.toml"), Path("out.mat")), report=Path("page.html"),
     )  # fmt: skip
     assert " ".join(asked.words) == (
         "fit ./-a.csv b.csv --start CAL.toml --free load,P_S --bounds P_S=8e5:9e5 theta_1=0: --ambient 1.01bar "
-        "--map m.toml --dbc x.dbc y.dbc --force --verify c.csv --save out.toml --save out.m --report page.html"
+        "--map m.toml --dbc x.dbc y.dbc --force --verify c.csv --save out.toml --save out.mat --report page.html"
     )
     assert asked.python.splitlines()[2] == (
         "fit = clutchid.estimate(['-a.csv', 'b.csv'], 'CAL.toml', free='load,P_S', "

@@ -34,7 +34,6 @@ from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
 from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
-from clutchid.verbs.saving import file_name
 from clutchid.verbs.stored import plotted
 from clutchid.version import installed_version
 
@@ -281,10 +280,7 @@ async def _result_file(session: Session, request: Request) -> Response:
     path, result = session.file_of(id_, name)
     if path.suffix == ".html":
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
-    shown = download_name(result.name, name)
-    if path.suffix == ".m":
-        shown = file_name(path)
-    return FileResponse(path, headers=_attachment(shown))
+    return FileResponse(path, headers=_attachment(download_name(result.name, name)))
 
 
 def _attachment(name: str) -> dict[str, str]:

@@ -119,12 +119,10 @@ def fit(task: records.FitRecordings, events: Events) -> dict[str, Any]:
 def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Write the files of a fit; their names, and why others could not be written."""
     folder, files, failures = task.folder, ["result.json"], []
-    for name in ("fit.toml", "report.html", "fit.m", "fit.mat"):
+    for name in ("fit.toml", "report.html", "fit.mat"):
         try:
             if name.endswith(".html"):
                 write_page(document_with_next_step(result, task.asked), folder / name)
-            elif name.endswith(".m"):
-                saving.save_fit(result, folder / name, task.name)
             else:
                 saving.save_fit(result, folder / name)
             files.append(name)

@@ -102,7 +102,7 @@ class FitOptions:
     force
         Fit although a check of the recording is bad; the checks are those of `clutchid look`.
     save
-        Write the result: .toml (for --start and simulate), or .mat or .m for MATLAB, Octave and Simulink. May be given
+        Write the result: .toml (for --start and simulate), or .mat for MATLAB, Octave and Simulink. May be given
         several times.
     report
         Write a self-contained HTML page.

@@ -36,8 +36,8 @@ from clutchid.names import unknown_names
 from clutchid.parameters import Parameters
 from clutchid.strokes.vented_rest import VentedRest, ZeroedLog, from_rest
 
-#: Suffixes of files for MATLAB, which `clutchid.exports.fit_file` writes and nothing reads.
-MATLAB_SUFFIXES = (".mat", ".m")
+#: Suffix of a file for MATLAB, which `clutchid.exports.fit_file` writes and nothing reads.
+MATLAB_SUFFIX = ".mat"
 
 #: No standard deviation is larger, in SI: ten times the largest admissible value, that of a stiffness.
 _LARGEST_STD = 1e12
@@ -404,7 +404,7 @@ def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) ->
     ...     f"{read_parameters(f'{folder}/seven.toml').actuator.value('P_S') / 1e5:.1f} bar"
     '7.0 bar'
     """
-    if Path(path).suffix.lower() in MATLAB_SUFFIXES:
+    if Path(path).suffix.lower() == MATLAB_SUFFIX:
         raise ParameterError(
             f"{path}: is for MATLAB, and clutchid does not read it back; save the fit as .toml too (fit LOG --save "
             "FIT.toml), and name that file."

@@ -1,4 +1,4 @@
-"""An exported observer for MATLAB, GNU Octave and Simulink: a MEX function and an S-function of the same C sources."""
+"""An exported observer for Simulink: an S-function of the same C sources."""
 
 from __future__ import annotations
 
@@ -15,13 +15,5 @@ def matlab_files(style: CStyle) -> dict[str, str]:
         "outputs": list(OUTPUTS),
         "modules": [f"{name}_model", f"{name}_filter", f"{name}_data", name],
     }
-    files = {
-        f"{name}_simulink.h": "simulink.h",
-        f"{name}_simulink.c": "simulink.c",
-        f"{name}_sfun.c": "sfun.c",
-        f"{name}_mex.c": "mex.c",
-        "make_mex.m": "make_mex.m",
-        "make_sfunction.m": "make_sfunction.m",
-        "README.md": "matlab.md",
-    }
+    files = {f"{name}_sfun.c": "sfun.c", "make_sfunction.m": "make_sfunction.m", "README.md": "matlab.md"}
     return {file: template(f"{of}.j2", "clutchid.exports").render(values) for file, of in files.items()}

@@ -23,18 +23,14 @@ def check_save(path: Path) -> None:
     Raises
     ------
     ExportError
-        If the suffix is unknown, or MATLAB cannot use the name.
+        If the suffix is unknown.
     """
-    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES
-    from clutchid.exports.fit_file import check_name
+    from clutchid.estimation.parameter_file import MATLAB_SUFFIX
 
-    suffix = path.suffix.lower()
-    if suffix in MATLAB_SUFFIXES:
-        check_name(path)
-    elif suffix not in ("", ".toml"):
+    if path.suffix.lower() not in ("", ".toml", MATLAB_SUFFIX):
         raise ExportError(
             f"{path}: the suffix '{path.suffix}' is not known; a fit is saved as .toml, for --start and simulate, or "
-            "as .mat or .m, for MATLAB."
+            "as .mat, for MATLAB, Octave and Simulink."
         )
 
 
@@ -71,34 +67,22 @@ def parameter_file(fit: Fit) -> ParameterFile:
     return with_trust(fit, verdict(fit).trust)
 
 
-def save_fit(fit: Fit, path: Path, name: str = "") -> None:
-    """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat`` or ``.m``.
-
-    Parameters
-    ----------
-    name
-        Words for the function in a ``.m`` file, which is given on under that name.
+def save_fit(fit: Fit, path: Path) -> None:
+    """Write the result as a parameter file, or for MATLAB if the suffix is ``.mat``.
 
     Raises
     ------
     ExportError
         If the suffix is unknown or the file cannot be written; an existing file is unchanged.
     """
-    from clutchid.estimation.parameter_file import MATLAB_SUFFIXES, write_parameters
-    from clutchid.exports.fit_file import function_name, write_matlab
+    from clutchid.estimation.parameter_file import MATLAB_SUFFIX, write_parameters
+    from clutchid.exports.fit_file import write_matlab
 
     check_save(path)
-    if path.suffix.lower() in MATLAB_SUFFIXES:
-        write_matlab(fit, path, function_name(*name.split()) if name else "")
+    if path.suffix.lower() == MATLAB_SUFFIX:
+        write_matlab(fit, path)
     else:
         write_parameters(parameter_file(fit), path)
-
-
-def file_name(path: Path) -> str:
-    """The name under which a ``.m`` file must be kept: that of its function."""
-    from clutchid.exports.fit_file import function_in
-
-    return f"{function_in(path)}.m"
 
 
 def write_log(log: Log, path: Path) -> None:

@@ -217,7 +217,7 @@ function parameters(found) {
     [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { scroll: "Table of parameters" }));
 }
 
-const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.m": "MATLAB (.m)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
+const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
 
 function downloads(result) {
   const { found } = result;
