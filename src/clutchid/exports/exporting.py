@@ -26,7 +26,7 @@ from clutchid.exports.parity import (
     trial_drive,
 )
 from clutchid.exports.requirements import requirement_files
-from clutchid.exports.target import SAMPLE_COSTS, example_files, vectors
+from clutchid.exports.target import example_files, vectors
 from clutchid.files import make_folder, not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
 from clutchid.observer.configuration import Observer
@@ -180,7 +180,7 @@ def write_export(
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes,
-        "deviations": DEVIATIONS, "checker": CHECKER, "costs": SAMPLE_COSTS,
+        "deviations": DEVIATIONS, "checker": CHECKER,
     }  # fmt: skip
     pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     _write(folder, pages)

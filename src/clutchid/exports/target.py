@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from clutchid.codegen.templates import template
@@ -29,25 +27,6 @@ FAST_FLAGS = ("-ffp-contract=fast", "-fno-math-errno")
 #: Flag of NAME.c, whose own work is little: it saves 2 kB of flash and adds 20 instructions a sample
 #: (``python benchmarks/export.py --costs``).
 SMALL = "-Os"
-
-
-class SampleCosts(NamedTuple):
-    """Instructions of `NAME_fast`: in the mean and at most, of a sample 5 ms late, and bounds of both by the loops."""
-
-    rates: str
-    mean: int
-    most: int
-    late: int
-    bound: int
-    bound_late: int
-
-
-#: Of truck 0 of family A (`joint`, 29 parameters, float), 10 s of a worn clutch on an emulated Cortex-M4F with an FPU.
-#: Provenance: ``python benchmarks/export.py --costs``, arm-none-eabi-gcc 12.2, qemu 7.2.
-SAMPLE_COSTS = (
-    SampleCosts("one", 32_300, 50_500, 68_900, 175_500, 265_100),
-    SampleCosts("two", 24_700, 41_200, 60_800, 129_200, 218_800),
-)
 
 
 def example_files(style: CStyle) -> dict[str, str]:
