@@ -1,6 +1,5 @@
 """``clutchid observe -``: live and file give the same numbers, and whatever comes, files are whole or not there."""
 
-import fcntl
 import json
 import os
 import re
@@ -9,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import termios
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +19,7 @@ from clutchid.observer.health import FLAGS, LIVE_FLAGS
 from clutchid.observer.live import SENTENCES
 from clutchid.verbs.live.following import shown_clock
 from fixtures.commands import called, meanwhile, wait_for
+from fixtures.pipes import unread
 
 OUTPUTS = ("est.parquet", "est.load.parquet", "state.toml")
 HEADER = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n"
@@ -60,19 +59,9 @@ def _send(writing, pieces, end):
         os.close(writing)
 
 
-def drained(writing):
-    """Wait until everything was read."""
-    unread = bytearray(4)
-    while True:
-        fcntl.ioctl(writing, termios.FIONREAD, unread)
-        if not any(unread):
-            return
-        time.sleep(0.01)
-
-
 def stop(number):
     def end(writing):
-        drained(writing)
+        wait_for(lambda: not unread(writing))
         os.kill(os.getpid(), number)
         time.sleep(0.3)
         os.close(writing)
@@ -114,7 +103,7 @@ def test_a_signal_in_mid_line_leaves_whole_files_of_all_whole_lines(call, lines,
 @pytest.mark.slow
 def test_a_terminal_that_is_closed_sends_its_signal_twice_and_one_that_ignores_it_goes_on(call, folder, same):
     def twice(writing):
-        drained(writing)
+        wait_for(lambda: not unread(writing))
         os.kill(os.getpid(), signal.SIGHUP)
         os.kill(os.getpid(), signal.SIGHUP)
         stop(signal.SIGHUP)(writing)
@@ -137,7 +126,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
     def remove(writing):
         while len([*(tmp_path / "out").glob(".*")]) < 2:  # the outputs are begun
             time.sleep(0.01)
-        drained(writing)
+        wait_for(lambda: not unread(writing))
         while (tmp_path / "out").exists():  # something may be written meanwhile
             shutil.rmtree(tmp_path / "out", ignore_errors=True)
         os.close(writing)

@@ -1,13 +1,10 @@
 """What a live recording gives while it goes on: published lines."""
 
-import fcntl
 import io
 import json
 import os
 import pty
 import signal
-import sys
-import termios
 import time
 
 import numpy as np
@@ -15,6 +12,7 @@ import polars as pl
 import pytest
 
 from fixtures.commands import meanwhile, wait_for
+from fixtures.pipes import unread
 
 
 @pytest.fixture
@@ -23,11 +21,6 @@ def piped(folder, monkeypatch):
     with (folder / "worn.csv").open() as stream:
         monkeypatch.setattr("sys.stdin", stream)
         yield
-
-
-def unread(pipe):
-    """Bytes that wait in a pipe."""
-    return int.from_bytes(fcntl.ioctl(pipe, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
 def published(said):

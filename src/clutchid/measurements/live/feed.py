@@ -10,7 +10,7 @@ from clutchid.files import reason_of
 from clutchid.systems import Incoming
 
 #: Time in s for which arriving bytes are collected, so that a block is worth its cost; bytes of a piece at most.
-PACE, MOST_BYTES = 0.02, 1 << 20
+PACE, _MOST_BYTES = 0.02, 1 << 20
 
 #: Time in s after which a feed that waits asks whether it is stopped.
 PATIENCE = 0.1
@@ -51,7 +51,7 @@ def _collected(feed: Incoming) -> tuple[bytes, bool]:
     """Bytes that arrive within `PACE` of the first, which is waited for, and whether the feed has ended."""
     parts: list[bytes] = []
     size, until = 0, time.monotonic() + PATIENCE
-    while size < MOST_BYTES and (rest := until - time.monotonic()) > 0.0:
+    while size < _MOST_BYTES and (rest := until - time.monotonic()) > 0.0:
         part = feed.next(rest)
         if part is None:
             break

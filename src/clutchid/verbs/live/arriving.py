@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
-from clutchid.log import Log
 from clutchid.measurements.live.bus_name import bus_name
 from clutchid.names import printable
 from clutchid.verbs.options import ReadingText, pressure_option
@@ -19,8 +17,6 @@ from clutchid.verbs.options import ReadingText, pressure_option
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.live.arrival import LiveBlock
-    from clutchid.observer.live import LiveRun
-    from clutchid.observer.run import ObservedRecording
     from clutchid.strokes.vented_rest import Zero
 
 #: Name of standard input.
@@ -52,26 +48,10 @@ class LiveReading:
 
     log: Path
     files: ReadingText
-    method: str = "joint"
-    zero: Zero = "subtract"
-    resume: Path | None = None
-    supply_std: float | None = None
-
-
-class Begun(NamedTuple):
-    """A live recording whose first block has come: the run before it, and the blocks from it on."""
-
-    run: LiveRun
-    blocks: Iterator[LiveBlock]
-    first: Log
-
-
-class LiveStep(NamedTuple):
-    """A block that has been observed: the runs before and after it, and its results."""
-
-    before: LiveRun
-    run: LiveRun
-    part: ObservedRecording
+    method: str
+    zero: Zero
+    resume: Path | None
+    supply_std: float | None
 
 
 def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[], bool]) -> Generator[LiveBlock]:
@@ -109,44 +89,3 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
         blocks = text_blocks(pieces, "stdin", channels, ambient, required, origin=origin)
     for block in blocks:
         yield replace(block, log=equipment.driven(block.log))
-
-
-def first_observer(blocks: Iterator[LiveBlock], content: ParameterFile, reading: LiveReading) -> Begun:
-    """The observer of a recording whose first block has come.
-
-    Raises
-    ------
-    DataError, ParameterError
-        If recording, calibration, method and state do not fit each other.
-    """
-    from clutchid.observer.live import live_run
-    from clutchid.verbs.observing import observer_of
-
-    first = next(blocks)
-    observer, state = observer_of(first.log, content, reading.method, reading.resume, reading.zero, reading.supply_std)
-    return Begun(live_run(observer, state), chain([first], blocks), first.log)
-
-
-def steps(begin: Begun) -> Iterator[LiveStep | DataError]:
-    """Observe the blocks as they come; the last step has the fault that ended them, if any.
-
-    Raises
-    ------
-    DataError
-        If nothing could be observed.
-    """
-    from clutchid.observer.live import after_block
-    from clutchid.observer.run import no_sample
-
-    run, trouble = begin.run, ""
-    try:
-        for block in begin.blocks:
-            before = run
-            run, part = after_block(run, block.log, block.left_out._asdict())
-            yield LiveStep(before, run, part)
-    except DataError as error:
-        if run.usable:
-            yield error
-        trouble = str(error)
-    if not run.usable:
-        raise DataError(trouble or no_sample(begin.first.name))

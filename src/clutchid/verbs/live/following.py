@@ -10,18 +10,20 @@ import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
+from itertools import chain
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.errors import DataError, ExportError
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.verbs.live.arriving import Begun, LiveReading, arriving, first_observer, steps
+from clutchid.verbs.live.arriving import LiveReading, arriving
 from clutchid.verbs.live.files import FileTroubles, Outputs, left_by_earlier_run
 from clutchid.verbs.live.streams import Stopped, published_lines, say_unhurried
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
+    from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
     from clutchid.observer.run import ObservedRecording
 
@@ -67,16 +69,23 @@ def follow_live(reading: LiveReading, content: ParameterFile, outputs: Outputs, 
         If nothing could be observed, or a file cannot be begun; nothing is written then.
     """
     from clutchid.measurements.spool import SPOOLED
+    from clutchid.observer.live import live_run
+    from clutchid.verbs.observing import observer_of
 
     if outputs.out.suffix.lower() not in SPOOLED:
         raise ExportError(f"--out {outputs.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
     files, left = FileTroubles(), left_by_earlier_run(outputs, reading.resume)
     with stop_signals() as stopped:
         with closing(arriving(reading, content, stopped)) as blocks:
-            begin = first_observer(blocks, content, reading)
+            first = next(blocks)
+            observer, state = observer_of(
+                first.log, content, reading.method, reading.resume, reading.zero, reading.supply_std
+            )
             if reading.resume is not None:  # what comes again
-                files.cut(left, float(begin.first.time[0]))
-            run, fault, said = _observed(begin, outputs, files, stopped, say_checks=say_checks)
+                files.cut(left, float(first.log.time[0]))
+            run, fault, said = _observed(
+                live_run(observer, state), chain([first], blocks), outputs, files, stopped, say_checks=say_checks
+            )
         files.write_at_the_end(outputs, run.recent(), content)
     return Followed(run.recent(), fault, files.troubles, files.moved, said)
 
@@ -122,34 +131,50 @@ def shown_clock(sentences: Sequence[str], said: int) -> Sequence[str]:
 
 
 def _observed(
-    begin: Begun, outputs: Outputs, files: FileTroubles, stopped: Stopped, *, say_checks: bool
+    run: LiveRun,
+    blocks: Iterator[LiveBlock],
+    outputs: Outputs,
+    files: FileTroubles,
+    stopped: Stopped,
+    *,
+    say_checks: bool,
 ) -> tuple[LiveRun, str, frozenset[str]]:
-    """The recording, whose samples and strokes are written as they come; the fault that ended it; and what was said."""
-    from clutchid.observer.live import with_check_sentences
+    """The recording, whose samples and strokes are written as they come; the fault that ended it; and what was said.
 
-    run, fault, saved, count = begin.run, "", time.monotonic(), 0
+    Raises
+    ------
+    DataError
+        If nothing could be observed.
+    """
+    from clutchid.observer.live import after_block, with_check_sentences
+    from clutchid.observer.run import no_sample
+
+    fault, saved, count = "", time.monotonic(), 0
     said: frozenset[str] = frozenset()
     with (
         published_lines(stopped) if outputs.publish else nullcontext() as publish,
         files.spooled(outputs.out) as add_samples,
         files.spooled(outputs.by_stroke) as add_strokes,
     ):
-        for step in steps(begin):
-            if isinstance(step, DataError):
-                fault = str(step)
-                break
-            before, run, part = step
-            now = run.usable and time.monotonic() - saved >= MINUTE
-            add_samples(part.estimates(), now=now)
-            if part.strokes or part.before is run.before or now:
-                add_strokes(part.load_by_stroke(), now=now)
-            if now:
-                saved = time.monotonic()
-                files.save(outputs.save, run)
-            clock, count = shown_clock(part.log.warnings, count), count + len(part.log.warnings)
-            new = (*(run.checked or () if before.checked is None else ()), *clock)
-            if say_checks and new and say_unhurried(new):
-                said |= {*new}
-            if publish:
-                publish(run, part)
+        try:
+            for block in blocks:
+                before = run
+                run, part = after_block(run, block.log, block.left_out._asdict())
+                now = run.usable and time.monotonic() - saved >= MINUTE
+                add_samples(part.estimates(), now=now)
+                if part.strokes or part.before is run.before or now:
+                    add_strokes(part.load_by_stroke(), now=now)
+                if now:
+                    saved = time.monotonic()
+                    files.save(outputs.save, run)
+                clock, count = shown_clock(part.log.warnings, count), count + len(part.log.warnings)
+                new = (*(run.checked or () if before.checked is None else ()), *clock)
+                if say_checks and new and say_unhurried(new):
+                    said |= {*new}
+                if publish:
+                    publish(run, part)
+        except DataError as error:
+            fault = str(error)
+        if not run.usable:
+            raise DataError(fault or no_sample(run.parts[-1].log.name))
     return with_check_sentences(run), fault, said
