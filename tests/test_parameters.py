@@ -1,7 +1,6 @@
 """`Parameters`: checked where they are built, in words that say what, got, allowed, where."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -22,17 +21,7 @@ def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "wrong"),
-    [
-        ("A_A", 0.0), ("V_0A", -1e-4), ("P_0", 0.0), ("M", 0.0), ("K_z", 0.0), ("F_C", -200.0), ("D_v", -1.0),
-        ("R_0vs", -0.1), ("R_0ve", 1.1), ("R_1vs", 2.5), ("B_vs", 1.01), ("B_ve", -1.01), ("B_0", 1.0), ("B_0", 0.0),
-        ("C_r", -1e-9), ("rho_0", 0.0), ("y_max", 0.0), ("r_lam", 1.0), ("r_lam", 0.5), ("K_stop", 0.0),
-        ("D_stop", -1.0), ("T_0", math.nan), ("P_S", math.inf), ("P_S", -math.inf),
-        ("b_vs", -0.01), ("b_ve", 0.91), ("m_vs", 0.0), ("m_ve", 3.1), ("tau_G", 0.0), ("F_h", 0.0), ("mu_h", 0.31),
-        ("mu_h", -0.01), ("K_h", 0.0), ("t_vs", -0.01), ("t_ve", 1.01),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "wrong"), CASES["outside"])
 def test_a_number_outside_its_range_is_refused_by_name(name, wrong):
     with pytest.raises(ParameterError, match=f"^{name} = "):
         Parameters(**{name: wrong})

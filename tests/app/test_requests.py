@@ -7,6 +7,9 @@ import pytest
 from clutchid.app.commands import fit_command
 from clutchid.app.records import File
 from clutchid.errors import ParameterError
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 FIT = {"verb": "calibrate", "recordings": ["recording-1"]}
 
@@ -20,26 +23,7 @@ def opened(idle):
     return idle
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ({**FIT, "verb": "explode"}, "explode: is not known; calibrate or estimate"),
-        ({**FIT, "recordings": []}, "no recording given to calibrate"),
-        ({**FIT, "recordings": "recording-1"}, "recordings = 'recording-1': a list of texts is needed"),
-        ({**FIT, "recordings": ["recording-9"]}, "has been removed"),
-        ({**FIT, "verb": "estimate"}, "no --start: a load is estimated from position alone with a calibration"),
-        ({**FIT, "verb": "estimate", "start": "result-7"}, "this calibration has been removed"),
-        ({**FIT, "options": {"bounds": ["C_vs=x"]}}, "--bounds C_vs=x: write NAME=LOW:HIGH in SI units"),
-        ({**FIT, "options": {"prior": ["P_S=1±0"]}}, "--prior P_S=1±0: write NAME=VALUE±STD"),
-        ({**FIT, "options": {"ambient": "1bar(g)"}}, "--ambient 1bar(g): an absolute pressure between"),
-        ({**FIT, "options": {"method": "magic"}}, "options method: no method 'magic'"),
-        ({**FIT, "options": {"zero": "maybe"}}, "options zero: no zero 'maybe'. Known are subtract, keep."),
-        ({**FIT, "options": {"model": "x.py:y"}}, "option 'model'"),
-        ({**FIT, "options": {"bounds": "C_vs=1:2"}}, "options bounds = 'C_vs=1:2': a list of texts is needed"),
-        ({**FIT, "options": {"ambient": 1e5}}, "options ambient = 100000.0: a text in quotes is needed"),
-        ({**FIT, "options": [1]}, "options: a table is needed"),
-    ],
-)
+@pytest.mark.parametrize(("content", "said"), CASES["fits"])
 def test_a_fit_that_cannot_be_made_is_refused_with_a_sentence(opened, content, said):
     before = len(opened.submitted)
     answer = opened.ask("POST", "/api/fits", content)
@@ -120,15 +104,7 @@ def test_a_map_that_fits_is_kept_and_can_be_downloaded(opened):
     assert answer.headers["content-disposition"] == "attachment; filename*=UTF-8''run.csv.map.toml"
 
 
-@pytest.mark.parametrize(
-    "query",
-    [
-        "",
-        "grid=0&columns=0&begin=a&end=1&width=9",
-        "grid=0&columns=0&begin=nan&end=1&width=9",
-        "grid=-1&columns=0&begin=0&end=1&width=9",
-    ],
-)
+@pytest.mark.parametrize("query", CASES["plots"])
 def test_a_plot_of_nonsense_is_refused(opened, query):
     assert opened.ask("GET", f"/api/recordings/recording-1/plot?{query}").status == 422
 

@@ -15,6 +15,9 @@ from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.model.equipment import Equipment
 from clutchid.simulation import simulate
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "actuators" / "cylinder.toml"
 DRAWING = "[parameters]\nA_A = 3e-4\nV_0A = 4e-5\nM = 1.5\ny_max = 0.1\n"
@@ -60,26 +63,7 @@ def test_gravity_on_other_knots_is_the_same_load(tmp_path):
     assert load.force(np.linspace(0.0, 0.1, 7)).round(9).tolist() == [15.0] * 7
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[actuator]\nchamber_b = false\n", ["A_A, V_0A, M, y_max", "missing"]),
-        (f"[actuator]\n{DRAWING}", ["A_B, V_0B", "missing"]),
-        (f"[actuator]\nchambre_b = false\n{DRAWING}A_B = 2e-4\nV_0B = 1e-5\n", ["did you mean 'chamber_b'"]),
-        (f"[actuator]\nchamber_b = false\n{DRAWING}C_r = 1e-8\n", ["C_r", "no chamber B"]),
-        (f"[actuator]\nchamber_b = false\nvalves = '3/4'\n{DRAWING}", ["did you mean '3/2'"]),
-        (f"[actuator]\nchamber_b = false\ngravity_load = 'M g'\n{DRAWING}", ["gravity_load = 'M g'", "in N"]),
-        (f"[actuator]\nchamber_b = false\ngravity_load = inf\n{DRAWING}", ["gravity_load = inf", "in N"]),
-        (f"[actuator]\nchamber_b = false\ngravity_load = 9\n{DRAWING}theta_1 = 1.0\n", ["theta_1", "leave one"]),
-        (
-            f"[actuator]\nchamber_b = false\ngravity_load = 9\n[model]\nload_basis = 'paper'\n{DRAWING}",
-            ["load_basis = 'paper'", "leave one"],
-        ),
-        ("[actuators]\nchamber_b = false\n", ["did you mean 'actuator'"]),
-        ("actuator = 'cylinder'\n", ["[actuator] must be a section"]),
-        ("[actuator]\nchamber_b = false\ngravity_load = 9\n[parameters]\ny_max = 'x'\n", ["A_A, V_0A, M", "y_max"]),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), CASES["actuators"])
 def test_problems_of_an_actuator_file_are_reported(text, words, tmp_path):
     with pytest.raises(ParameterError) as caught:
         read_parameters(made(tmp_path / "a.toml", text))

@@ -13,6 +13,9 @@ from clutchid.estimation.checks import with_checked_intervals
 from clutchid.estimation.method import fit_at
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.shooting import SHOOTING, shoot
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 
 @pytest.fixture(scope="module")
@@ -82,16 +85,7 @@ def test_from_the_front_door_both_are_asked_for_by_name(plant, worn_log):
     assert np.isfinite(result.parameters["theta_9"].low)
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ({"profile": ("F_C",), "method": "shooting"}, "profile of F_C, which is not free"),
-        ({"profile": ("theta_1",), "method": "prediction-error"}, "need the method 'shooting'"),
-        ({"bootstrap": 10, "method": "simulation"}, "need the method 'shooting'"),
-        ({"bootstrap": -1, "method": "shooting"}, "bootstrap = -1: 0 for none"),
-        ({"bootstrap": 9}, "bootstrap = 9: 0 for none, or at least 10 draws"),
-    ],
-)
+@pytest.mark.parametrize(("options", "sentence"), CASES["checks"])
 def test_what_cannot_be_checked_is_refused_before_any_work(plant, worn_log, options, sentence):
     with pytest.raises(ParameterError, match=sentence.replace("(", r"\(")):
         fit(worn_log, plant, FitRequest(**options))

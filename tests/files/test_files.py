@@ -13,6 +13,9 @@ from clutchid.errors import DataError, ExportError
 from clutchid.files import atomic_write, digest, opened_file, small_file, write_frame
 from clutchid.log import Log
 from clutchid.measurements import read, write
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 NO_TEXT = os.fsdecode(b"\xff\xfe")
 
@@ -72,15 +75,7 @@ def test_a_link_is_kept_and_its_file_replaced(tmp_path):
     assert (tmp_path / "real" / "fit.toml").read_text() == "new"
 
 
-@pytest.mark.parametrize(
-    ("path", "what"),
-    [
-        ("no/fit.toml", "the folder '.*no' does not exist; create it first"),
-        ("file/fit.toml", "the folder '.*file' does not exist"),
-        ("folder", "is a folder; name a file in it"),
-        ("/dev/null", "is not a plain file; name another one"),
-    ],
-)
+@pytest.mark.parametrize(("path", "what"), CASES["writing"])
 def test_what_cannot_be_written_is_refused_before_the_work(tmp_path, path, what):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").touch()

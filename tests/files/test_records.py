@@ -90,14 +90,7 @@ def test_all_problems_of_a_record_are_listed():
 RULES = {"rest": Rule("a level above 0 is needed", lambda span: span.low > 0.0), "samples": Rule("count again")}
 
 
-@pytest.mark.parametrize(
-    ("entries", "sentence"),
-    [
-        ({"rest": {"low": -1.0}}, "[sensor.rest]: a level above 0 is needed."),
-        ({"rest": {"low": "x", "more": 1}}, "[sensor.rest]: a level above 0 is needed."),
-        ({"samples": "x"}, "[sensor] samples = 'x': count again."),
-    ],
-)
+@pytest.mark.parametrize(("entries", "sentence"), CASES["rules"])
 def test_a_rule_speaks_for_an_entry_and_for_all_in_a_section(entries, sentence):
     with pytest.raises(ParameterError) as caught:
         read_record(Sensor, {**PLAIN, **entries}, "[sensor]", RULES)

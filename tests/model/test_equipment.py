@@ -12,6 +12,9 @@ from clutchid.model.equipment import VALVES, Equipment
 from clutchid.model.variants import VARIANTS
 from clutchid.parameters import Parameters
 from clutchid.simulation import simulate
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 STROKE = np.arange(400) * 1e-3
 OPEN = np.where(STROKE < 0.15, 1.0, 0.0)
@@ -109,15 +112,7 @@ def test_a_copy_with_other_numbers_keeps_its_equipment():
     assert (copy.equipment.valves, copy.value("C_r"), copy.value("M")) == ("3/2", 0.0, 2.0)
 
 
-@pytest.mark.parametrize(
-    ("entries", "words"),
-    [
-        ({"valves": "3/3"}, ["3/3", "did you mean '3/2'"]),
-        ({"chamber_b": 1}, ["chamber_b = 1", "true or false"]),
-        ({"name": "two\nlines"}, ["name", "one line"]),
-        ({"name": 5, "valves": ["supply"]}, ["name = 5", "['supply']"]),
-    ],
-)
+@pytest.mark.parametrize(("entries", "words"), CASES["equipment"])
 def test_equipment_that_cannot_be_is_told_in_words(entries, words):
     with pytest.raises(ParameterError) as caught:
         Equipment(**entries)

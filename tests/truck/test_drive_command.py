@@ -7,7 +7,10 @@ import pytest
 
 import clutchid
 from clutchid.cli.drive import drive
+from fixtures.cases import case_tables
 from fixtures.commands import called
+
+CASES = case_tables(__file__, "refusals")
 
 
 @pytest.mark.parametrize("family", ["B", "h:0"])
@@ -41,14 +44,7 @@ def test_the_one_json_object_names_the_files(tmp_path, capsys):
     assert content["written"] == [str(tmp_path / "log.parquet")]
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"manoeuvre": "crep"}, "did you mean 'creep'"),
-        ({"temperature": 200.0}, "T_0 = 473.15 K"),
-        ({"seconds": -1.0}, "0.5 to 3600"),
-    ],
-)
+@pytest.mark.parametrize(("options", "words"), CASES["commands"])
 def test_bad_input_is_one_sentence_and_nothing_is_written(tmp_path, capsys, options, words):
     assert drive(out=tmp_path / "log.parquet", **options) == 2
     said = capsys.readouterr()

@@ -8,6 +8,9 @@ from hypothesis import strategies as st
 from clutchid.errors import ParameterError
 from clutchid.truck import Truck, aged, load_curve, load_table
 from clutchid.truck.parts.springs import cushion_compression, cushion_force, diaphragm_force, kluever_force
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 T = Truck()
 STEEL = (T.E, T.nu, T.h, T.H, T.R_d, T.r_d, T.R_1, T.r_1)
@@ -113,14 +116,7 @@ def test_relaxed_springs_press_less():
     assert 0 < loss.max() < 0.05
 
 
-@pytest.mark.parametrize(
-    ("change", "word"),
-    [
-        ({"H": 0.026, "l_0": 0.026}, "does not clamp"),
-        ({"H": 0.017, "i_l": 1.2, "l_0": 0.009, "k_r": 0.0}, "stay open"),
-        ({"H": 0.013, "K_c": 5e6, "i_l": 1.0}, "snap"),
-    ],
-)
+@pytest.mark.parametrize(("change", "word"), CASES["springs"])
 def test_springs_that_cannot_be_a_clutch_are_named(change, word):
     with pytest.raises(ParameterError, match=word):
         load_curve(Truck(**change))

@@ -10,6 +10,9 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.wear.history import RecordingJob, arranged
 from clutchid.wear.tables import read_table, read_wear_table
+from fixtures.cases import case_tables
+
+CASES = case_tables(__file__, "refusals")
 
 WEAR = "wear [mm],half_load [mm],load [N]\n"
 
@@ -96,13 +99,7 @@ def test_a_table_of_wear_starts_at_the_new_clutch(tmp_path):
     assert table.load == pytest.approx([0.0, 0.1])
 
 
-@pytest.mark.parametrize(
-    ("cell", "reason"),
-    [
-        *((cell, "is no number") for cell in ("inf", "1_000")),
-        *((cell, "is not from 0 to 1e") for cell in ("-5", "1e300")),
-    ],
-)
+@pytest.mark.parametrize(("cell", "reason"), CASES["counts"])
 @pytest.mark.parametrize("column", ["odometer_km", "strokes"])
 def test_a_count_that_no_truck_has_is_a_sentence(tmp_path, column, cell, reason):
     path = tmp_path / "recordings.csv"
@@ -112,19 +109,7 @@ def test_a_count_that_no_truck_has_is_a_sentence(tmp_path, column, cell, reason)
     assert f"line 3: {column} '{cell}' {reason}" in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("wear [mm],load [N]\n0,1\n1,2\n", r"lacks the column 'half_load \[mm\]'"),
-        (f"{WEAR}1,2.8,4000\n2,2.9,4400\n", "must start at 0 and increase"),
-        (f"{WEAR}0,x,4000\n2,2.9,4400\n", r"line 2: half_load \[mm\] 'x' is no number"),
-        (f"{WEAR}0,2.8,4000\nnan,2.9,4400\n", r"line 3: wear \[mm\] 'nan' is no number"),
-        (f"{WEAR}0,2.8,4000\n1,inf,4400\n", r"line 3: half_load \[mm\] 'inf' is no number"),
-        (f"{WEAR}0,2.8,4000\n1,1e300,4400\n", r"line 3: half_load \[mm\] '1e300' is not from -100 to 100"),
-        (f"{WEAR}0,2.8,4000\n1,2.9,1e300\n", r"line 3: load \[N\] '1e300' is not from"),
-        (f"{WEAR}0,2.8,4000\n1,2.9,0\n", r"'load \[N\]' must be above 0 in every row; line 3 has 0 N"),
-    ],
-)
+@pytest.mark.parametrize(("text", "reason"), CASES["tables"])
 def test_a_table_of_wear_that_no_clutch_has_is_a_sentence(tmp_path, text, reason):
     path = tmp_path / "wear.csv"
     path.write_text(text)
