@@ -115,13 +115,6 @@ def test_what_cannot_be_the_supply_or_the_air_is_not_proposed(source, name, unit
     assert "pressure_a" not in proposal.channels.channels
 
 
-def test_the_supply_is_gauge_where_the_chamber_pressure_is(source):
-    columns = {"Kupplungsdruck": ("bar", 6 * TIME), "Vorratsdruck": ("bar", always(8.4))}
-    proposal = proposal_of(source, columns)
-    assert proposal.channels.channels["pressure_supply"].unit == "bar(g)"
-    assert "is taken as gauge pressure, as 'Kupplungsdruck' is" in " ".join(proposal.notes)
-
-
 def test_a_set_point_is_not_what_is_measured(source):
     columns = {"t": ("s", TIME), "uSup": ("%", 100 * DUTY), "uExh": ("%", 90 * DUTY)}
     for wanted in ("Soll", "Sollwert", "set", "setpoint", "target", "demand", "cmd", "command", "ref", "desired"):
