@@ -147,9 +147,9 @@ def test_the_wear_of_the_facing_needs_a_table():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_what_is_left_agrees_with_sampled_lives(sign):
-    mean, std = sign * np.array([0.1e-3, 3e-10]), np.array([1e-5, 4e-11])
+    mean, std = sign * np.array([0.1e-3, 3e-10]), np.array([2e-5, 1e-10])
     covariance = np.outer(std, std) * [[1.0, 0.8], [0.8, 1.0]]
-    random, count = np.random.default_rng(1), 20000
+    random, count = np.random.default_rng(1), 80_000
     value, rate = random.multivariate_normal(mean, covariance, count).T
     left = remaining("shift", mean, covariance, sign * 0.2e-3, 1e6)
     for share, ahead in ((0.05, left.low), (0.5, left.median)):
