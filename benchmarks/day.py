@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from clutchid.log import Log
-from clutchid.strokes import choose, joined, sections_of, sections_table
+from clutchid.strokes import choose, joined, sections_of
 
 RATE = 1000
 
@@ -91,7 +91,6 @@ def main() -> None:
         best = choose(sections_of(pieces(seconds, chosen.piece, made)), chosen.choose)
         both = time.process_time() - begin - sum(made)
         print(f"cut and choose: {both:6.1f} s of one core, peak {peak():.0f} MB, {len(joined(best)):,} samples chosen")
-        print(sections_table(best))
 
 
 if __name__ == "__main__":

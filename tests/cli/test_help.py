@@ -13,8 +13,8 @@ COMMANDS = [name for name in APP if not name.startswith("-")]
 #: From so many options on they are in groups.
 MANY = 9
 
-#: Options that mean something else in one command: a flag of `export`, and a table that `cut` writes.
-HOMONYMS = {"--model", "--table"}
+#: Options that mean something else in one command: a flag of `export`.
+HOMONYMS = {"--model"}
 
 GROUPS = ("Common options", "Method and search", "Fleet and workers", "Files", "Output")
 

@@ -131,7 +131,7 @@ def moved(speed: float, start: float, stop: float, vented_rest: float = 1.0, lev
     t = np.arange(10 * round(abs(stop - start) / speed * 1e2)) * 1e-3  # whole bins of 10 ms
     log = Log(t, {"position": level + start + np.sign(stop - start) * speed * t})
     low, high = sorted((start, stop))
-    summary = SectionSummary(level + low, level + high, level, WAY, speed, 0.0, vented_rest, 0, 0, 0, 0.0, False)
+    summary = SectionSummary(level + low, level + high, level, WAY, vented_rest, 0.0)
     return Section("stroke", "ramp", log, 0.0, float(t[-1]), 0.0, 0, summary)
 
 

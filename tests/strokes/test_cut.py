@@ -42,13 +42,8 @@ def test_the_summary_of_a_stroke(made, full_strokes):
     assert summary.highest == pytest.approx(REACH - 3e-3, abs=5e-5)
     assert summary.reach == pytest.approx(REACH, abs=1e-4)
     # and a speed over 40 ms by less than 2 * 50 um / 40 ms
-    assert summary.opening_speed == pytest.approx(REACH / 0.15, abs=2.5e-3)
-    assert summary.closing_speed == pytest.approx(REACH / 0.3, abs=2.5e-3)
     assert summary.vented_rest == pytest.approx(2.0, abs=0.03)
-    assert (summary.supply_pulses, summary.exhaust_pulses) == (1, 1)
-    assert summary.duty_steps in (3, 4)  # the exhaust closes within a bin of the end
     assert summary.missing == 0.0
-    assert summary.pressure
 
 
 @pytest.mark.parametrize(
@@ -68,8 +63,6 @@ def test_size_noise_quantum_and_sample_rate_do_not_matter(made, full_strokes, sc
 def test_the_position_alone_is_enough(made, full_strokes):
     sections = list(sections_of(made(full_strokes([2.0], 6.0), inputs=False)))
     assert [section.label for section in sections] == ["vented rest", "full stroke", "vented rest"]
-    assert sections[1].summary.supply_pulses == 0
-    assert not sections[1].summary.pressure
 
 
 def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
@@ -159,7 +152,6 @@ def test_a_supply_pulse_shortly_before_the_motion_belongs_to_the_stroke(made, fu
     duty[4700:4720] = duty[4300:4320] = 0.3
     _, stroke, _ = sections_of(log.with_columns(duty_supply=duty))
     assert stroke.departure == pytest.approx(4.3, abs=0.02)
-    assert stroke.summary.supply_pulses == 3
 
 
 def test_where_the_pressure_is_measured_a_rest_is_vented_when_the_air_is_out(made, full_strokes):
@@ -255,7 +247,6 @@ def test_a_recording_that_begins_with_an_open_valve_begins_with_a_pulse(made):
     log = made([(0.0, 0.0), (0.15, REACH), (0.9, REACH), (1.2, 0.0), (4.0, 0.0)])
     stroke = next(section for section in sections_of(log) if section.kind == "stroke")
     assert (log["duty_supply"][0] > 0, stroke.first) == (True, 0)
-    assert stroke.summary.supply_pulses == 1
 
 
 @pytest.mark.parametrize(("gone", "label"), [(4, "vented rest"), (6, "no position")])

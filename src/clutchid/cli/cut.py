@@ -9,7 +9,6 @@ from clutchid.cli.common import (
     FileOptions,
     OutOption,
     OutputFlag,
-    PathOutput,
     guarded,
     print_written,
     progress_bar,
@@ -25,7 +24,6 @@ def cut(
     /,
     *,
     out: OutOption,
-    table: PathOutput = None,
     seconds: float = 60.0,
     files: FileOptions = USUAL_FILES,
     debug: OutputFlag = False,
@@ -40,8 +38,6 @@ def cut(
         Recording in any format that `clutchid look` reads.
     out
         Selected strokes as one recording with holes between them (.parquet, .csv, .mf4 or .mat), for `fit`.
-    table
-        CSV list of all strokes and rests to write: label, start, reach, speeds, vented rest, missing samples.
     seconds
         Greatest total length of the selected strokes in s.
     debug
@@ -50,14 +46,14 @@ def cut(
     from clutchid.verbs.cutting import cut_file
     from clutchid.verbs.saving import check_outputs, write_log
 
-    check_outputs({"--out": out, "--table": table}, [("the recording itself", recording)])
+    check_outputs({"--out": out}, [("the recording itself", recording)])
     with progress_bar("cut") as show:
-        best = cut_file(files.reading([recording]), seconds, table, say, show)
+        best = cut_file(files.reading([recording]), seconds, say, show)
     put(", ".join(f"{count:,} {label}" for label, count in best.counts))
     say(best.divisions)
     if best.log is None:
         raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
     write_log(best.log, out)
-    put(f"\n{best.table}\n")
-    print_written(out, table)
+    put(best.chosen)
+    print_written(out)
     return DONE

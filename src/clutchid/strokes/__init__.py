@@ -13,6 +13,5 @@
 from clutchid.strokes.choice import choose
 from clutchid.strokes.cutting import sections_of
 from clutchid.strokes.section import RESTS, STROKE_LABELS, Section, SectionSummary, joined
-from clutchid.strokes.table import sections_table
 
-__all__ = ["RESTS", "STROKE_LABELS", "Section", "SectionSummary", "choose", "joined", "sections_of", "sections_table"]
+__all__ = ["RESTS", "STROKE_LABELS", "Section", "SectionSummary", "choose", "joined", "sections_of"]

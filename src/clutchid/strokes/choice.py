@@ -13,7 +13,6 @@ import numpy as np
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, sample_interval
 from clutchid.strokes.borders import LEAD
-from clutchid.strokes.cutting import SPEED_BINS
 from clutchid.strokes.rest_level import raw_bins, samples_in_bin
 from clutchid.strokes.sampled import difference_velocity
 from clutchid.strokes.section import Section
@@ -141,6 +140,9 @@ SIZE = 4 * HATS + 1
 #: Speeds in reaches per second: below the first the piston stands still (friction holds it), above the second is fast.
 _STANDS, _FAST = 0.05, 1.0
 
+#: Half the number of bins over which a speed is computed: 20 ms before and after.
+_SPEED_BINS = 2
+
 #: Time in s near a position after which further samples there add little information.
 _ENOUGH = 0.05
 
@@ -166,7 +168,7 @@ def gram(section: Section, reach: float) -> FloatArray:
     log, summary = section.log, section.summary
     width = samples_in_bin(sample_interval(log.time, 1.0))
     bins = raw_bins(StrokeSamples(0, log.time, log.columns), width, np.nan)
-    speed = difference_velocity(bins.time, bins.position, SPEED_BINS) / reach
+    speed = difference_velocity(bins.time, bins.position, _SPEED_BINS) / reach
     place = np.clip((bins.position - summary.level) / reach, 0.0, 1.0) * (HATS - 1)
     lasts = np.diff(bins.time, append=log.time[-1])
     used = np.isfinite(speed) & np.isfinite(place) & (np.abs(speed) > _STANDS)

@@ -12,7 +12,6 @@ import numpy as np
 from clutchid.log import Log, sample_interval
 from clutchid.strokes.borders import CompletedSamples, PendingSamples, completed, rest_label, stroke_label
 from clutchid.strokes.rest_level import (
-    CLOSED,
     Bins,
     RawBins,
     RestLevel,
@@ -23,7 +22,6 @@ from clutchid.strokes.rest_level import (
     updated_levels,
     windows_of,
 )
-from clutchid.strokes.sampled import difference_velocity
 from clutchid.strokes.section import Section, SectionSummary
 from clutchid.strokes.stream import StrokeSamples, blocks, last_known, pieces_of, stretches
 
@@ -137,10 +135,6 @@ def _binned(
     return _CuttingState(level, interval, last, last_known(block)), parts
 
 
-#: Half the number of bins over which a speed is computed: 20 ms before and after.
-SPEED_BINS = 2
-
-
 def section(part: CompletedSamples, name: str, metadata: Mapping[str, str], *, divided: bool) -> Section:
     """The section of a completed stroke or rest; samples are copied so that the recording can be freed."""
     samples = part.samples
@@ -159,31 +153,12 @@ def section(part: CompletedSamples, name: str, metadata: Mapping[str, str], *, d
 def _summary(part: CompletedSamples) -> SectionSummary:
     samples, bins = part.samples, part.bins
     positions = bins.position[np.isfinite(bins.position)]
-    speed = difference_velocity(bins.time, bins.position, SPEED_BINS)
-    supply, exhaust = (_pulses(samples, name) for name in ("duty_supply", "duty_exhaust"))
-    pressure = samples.columns.get("pressure_a")
     finite = int(np.count_nonzero(np.isfinite(samples.columns["position"])))
     return SectionSummary(
         lowest=float(positions.min()) if positions.size else np.nan,
         highest=float(positions.max()) if positions.size else np.nan,
         level=float(bins.level[0]),
         reach=float(bins.reach[0]),
-        opening_speed=float(np.nanmax(speed, initial=0.0)),
-        closing_speed=float(np.nanmax(-speed, initial=0.0)),
         vented_rest=part.vented,
-        supply_pulses=supply[0],
-        exhaust_pulses=exhaust[0],
-        duty_steps=supply[1] + exhaust[1],
         missing=1.0 - finite / len(samples),
-        pressure=pressure is not None and bool(np.isfinite(pressure).any()),
     )
-
-
-def _pulses(samples: StrokeSamples, name: str) -> tuple[int, int]:
-    """Number of openings of a closed valve, and number of changes of its duty cycle."""
-    duty = samples.columns.get(name)
-    if duty is None:
-        return 0, 0
-    opened = duty > CLOSED
-    pulses = int(opened[0]) + int(np.count_nonzero(opened[1:] & ~opened[:-1]))
-    return pulses, int(np.count_nonzero(duty[1:] != duty[:-1]))

@@ -31,27 +31,19 @@ RESTS = ("vented rest", "held", "no position")
 
 @dataclass(frozen=True, slots=True)
 class SectionSummary:
-    """Motion and inputs of a section; positions in m as measured, speeds in m/s, times in s.
+    """Motion of a section; positions in m as measured, times in s.
 
     `level` is the position of the vented rest estimated up to that time (the sensor's zero), `reach` the largest travel
     from there up to that time. `vented_rest` is the time at rest and vented before the section (for a rest: within it),
-    which may be longer than the part of it in `Section.log`. A pulse is an opening of a closed valve, a duty step any
-    change of a duty cycle. `missing` is the fraction of samples without a position, `pressure` whether the pressure of
-    chamber A is measured.
+    which may be longer than the part of it in `Section.log`. `missing` is the fraction of samples without a position.
     """
 
     lowest: float
     highest: float
     level: float
     reach: float
-    opening_speed: float
-    closing_speed: float
     vented_rest: float
-    supply_pulses: int
-    exhaust_pulses: int
-    duty_steps: int
     missing: float
-    pressure: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

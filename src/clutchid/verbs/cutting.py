@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.arguments import checked
@@ -70,21 +68,21 @@ def cut(
         name, pieces = recording.name, iter([recording])
     else:
         name, pieces = str(recording), read_pieces(recording, ambient=ambient, channels=channels, dbc=dbc)
-    best = _chosen(pieces, seconds, lambda _: None)
+    best = _cut(pieces, seconds)
     if best.log is None:
         raise DataError(f"{name}: no usable stroke of at most {seconds:g} s was found.")
     return best.log
 
 
 class CutRecording(NamedTuple):
-    """Strokes and rests of a long recording.
+    """Strokes of a long recording.
 
     Attributes
     ----------
     log
         The chosen strokes as one recording; None where no stroke can be used.
-    table
-        The chosen strokes as text.
+    chosen
+        Their number, length and times, in a sentence.
     counts
         Labels with the number of their strokes and rests, most frequent first.
     divisions
@@ -92,7 +90,7 @@ class CutRecording(NamedTuple):
     """
 
     log: Log | None
-    table: str
+    chosen: str
     counts: Sequence[tuple[str, int]]
     divisions: tuple[str, ...]
 
@@ -100,11 +98,10 @@ class CutRecording(NamedTuple):
 def cut_file(
     reading: Reading,
     seconds: float,
-    table: Path | None,
     warn: Callable[[Sequence[str]], None],
     show: Callable[[str, float], None],
 ) -> CutRecording:
-    """`cut` of a file of any length, whose strokes and rests are also written as a `table` (CSV).
+    """`cut` of a file of any length.
 
     Parameters
     ----------
@@ -115,28 +112,26 @@ def cut_file(
 
     Raises
     ------
-    DataError, ExportError
-        If the recording cannot be read, or the table cannot be written.
+    DataError
+        If the recording cannot be read.
     """
-    from clutchid.files import atomic_write
-
-    pieces = _pieces(reading, warn, show)
-    if table is None:
-        return _chosen(pieces, seconds, lambda _: None)
-    with atomic_write(table) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        return _chosen(pieces, seconds, csv.writer(file).writerow)
+    return _cut(_pieces(reading, warn, show), seconds)
 
 
-def _chosen(pieces: Iterable[Log], seconds: float, write_row: Callable[[Iterable[object]], object]) -> CutRecording:
-    """The strokes and rests of a recording in pieces, each written as a row."""
-    from clutchid.strokes import choose, joined, sections_of, sections_table
+def _cut(pieces: Iterable[Log], seconds: float) -> CutRecording:
+    """The strokes of a recording in pieces that say most about the load."""
+    from clutchid.messages import listed
+    from clutchid.strokes import choose, joined, sections_of
 
     counts: Counter[str] = Counter()
     divisions: dict[bool, list[float]] = {}
-    chosen = choose(_counted(sections_of(pieces), counts, divisions, write_row), seconds)
+    chosen = choose(_counted(sections_of(pieces), counts, divisions), seconds)
     said = tuple(_sentence(times, held=held) for held, times in divisions.items())
     log = replace(joined(chosen), warnings=said) if chosen else None
-    return CutRecording(log, sections_table(chosen), counts.most_common(), said)
+    length = sum(section.end - section.start for section in chosen)
+    begins = listed(f"{section.start:.2f} s" for section in chosen)
+    sentence = f"chosen: {len(chosen):,} of them, {length:.2f} s, from {begins}"
+    return CutRecording(log, sentence, counts.most_common(), said)
 
 
 def _sentence(times: Sequence[float], *, held: bool) -> str:
@@ -169,24 +164,10 @@ def _counted(
     sections: Iterable[Section],
     counts: Counter[str],
     divisions: dict[bool, list[float]],
-    write_row: Callable[[Iterable[object]], object],
 ) -> Iterator[Section]:
-    """The sections, counted by label and written to the table one by one; times of `divisions`, at holds or not."""
-    for number, section in enumerate(sections, 1):
-        summary = asdict(section.summary)
-        if number == 1:
-            heads = [name + _UNITS.get(name, "") for name in summary]
-            write_row(["number", "kind", "label", "first_sample", "start_s", "departure_s", "end_s", *heads])
-        ends = (section.start, section.departure, section.end)
-        write_row([number, section.kind, section.label, section.first, *ends, *summary.values()])
+    """The sections, counted by label; times of `divisions`, at holds or not."""
+    for section in sections:
         counts[section.label] += 1
         if section.divided:
             divisions.setdefault(section.kind == "rest", []).append(section.start)
         yield section
-
-
-_UNITS = {
-    **dict.fromkeys(("lowest", "highest", "level", "reach"), "_m"),
-    **dict.fromkeys(("opening_speed", "closing_speed"), "_m_s"),
-    "vented_rest": "_s",
-}
