@@ -22,7 +22,7 @@ from clutchid.observer.health import FLAGS
 _UNLIMITED = 1e30
 
 #: Numbers of an unsigned integer of 32 bits.
-COUNTS = (0.0, 2.0**32 - 1.0)
+_UNSIGNED = (0.0, 2.0**32 - 1.0)
 
 
 class Unit(NamedTuple):
@@ -51,7 +51,7 @@ class MemoryItem(NamedTuple):
     mask: str = ""
 
 
-_COUNT, FLAG, TRUST = Unit("count", ""), Unit("flag", ""), Unit("trust", "")
+_COUNT, _FLAG, _TRUST = Unit("count", ""), Unit("flag", ""), Unit("trust", "")
 
 #: Units by their text in SI, in ASCII. Another one is shown as it is.
 _UNITS = {
@@ -95,7 +95,7 @@ def a2l(observer: Observer, style: CStyle, title: str) -> str:
         values=values,
         axis=axis,
         curves=curves,
-        units=[unit for unit in units if unit not in (_COUNT, FLAG, TRUST)],
+        units=[unit for unit in units if unit not in (_COUNT, _FLAG, _TRUST)],
     )
     return _ascii(text)
 
@@ -127,16 +127,16 @@ def _outputs(observer: Observer, real: str) -> Iterator[MemoryItem]:
         if output.unit:
             yield _item(field, f"output.{field}", output.meaning, output.unit, limits[output.unit], real)
         else:
-            unit, ends = (TRUST, (0.0, 2.0)) if field == "trust" else (_COUNT, COUNTS)
+            unit, ends = (_TRUST, (0.0, 2.0)) if field == "trust" else (_COUNT, _UNSIGNED)
             yield MemoryItem(field, f"output.{field}", output.meaning, unit, *ends, "ULONG")
 
 
 def _flags() -> Iterator[MemoryItem]:
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
-        yield MemoryItem(f"flag.{flag}", "output.flags", meaning, FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}")
+        yield MemoryItem(f"flag.{flag}", "output.flags", meaning, _FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}")
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
         yield MemoryItem(
-            f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", _COUNT, *COUNTS, "ULONG"
+            f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", _COUNT, *_UNSIGNED, "ULONG"
         )
 
 

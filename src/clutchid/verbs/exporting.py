@@ -1,4 +1,4 @@
-"""`export`: the on-line observer of a calibration as C99, FMU, A2L, DBC and for MATLAB."""
+"""`export`: the on-line observer of a calibration as C99, FMU, A2L, DBC and for Simulink."""
 
 from __future__ import annotations
 

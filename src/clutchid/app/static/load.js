@@ -227,7 +227,7 @@ function downloads(result) {
   return h("section", { class: "downloads", id: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
     found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
     found.failures?.length ? notice(found.failures.join("\n")) : null,
-    found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU, FMI 2.0"], ["c,fmu3", "C99 and FMU, FMI 3.0"], ["c,matlab", "C99 and MATLAB"], ["c,dbc", "C99 and DBC"]]),
+    found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU, FMI 2.0"], ["c,fmu3", "C99 and FMU, FMI 3.0"], ["c,matlab", "C99 and Simulink"], ["c,dbc", "C99 and DBC"]]),
       select("method", ["joint", "states", "paper"].map((name) => [name, name])),
       h("button", { type: "button", id: "export", onclick: () => send("POST", `/api/results/${result.id}/export`, { ...target }) }, "Export")),
     failed?.status === "failed" && notice(failed.message),

@@ -46,7 +46,7 @@ _Stopped = Callable[[], bool]
 
 
 @contextmanager
-def opened_bus(name: BusName) -> Iterator[can.BusABC]:
+def _opened_bus(name: BusName) -> Iterator[can.BusABC]:
     """The bus, open; bit rates and the like are those of python-can's own configuration.
 
     Raises
@@ -89,7 +89,7 @@ def from_bus(name: BusName, stopped: _Stopped) -> Iterator[Frames]:
     MissingExtra
         If python-can is not installed.
     """
-    with opened_bus(name) as bus:
+    with _opened_bus(name) as bus:
         waiting: deque[can.Message] = deque()
         failures: list[Exception] = []
         closing = threading.Event()
