@@ -11,12 +11,12 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.evidence import diagnosed, has_position, reach
 from clutchid.estimation.automatic import automatic
 from clutchid.estimation.departure import departure, relative_misfit
-from clutchid.estimation.filtered_load import load_per_supply, with_filtered_load
+from clutchid.estimation.filtered_load import with_filtered_load
 from clutchid.estimation.hypotheses import changes, explained, mixture, most_probable
 from clutchid.estimation.method import Method, SearchResult, fit_at
 from clutchid.estimation.position_only import position_only_errors
 from clutchid.estimation.request import Continuation, FitRequest, FreeParameters, SearchStart, bounds_of, free_names
-from clutchid.estimation.result import Change, Departure, Fit
+from clutchid.estimation.result import Fit
 from clutchid.estimation.verification import on_samples, with_slow_logs
 from clutchid.inference.problem import Problem
 from clutchid.inference.uncertainty.calibration import MODEL_MISSES, Calibration, calibrated_deviation
@@ -67,25 +67,17 @@ def fit_with(
     _check_size(logs, free)
     _check_profiled(request, free)
     conditions = conditions_of(logs, actuator)
-    search_result, changed, departs = _searched(method, logs, actuator, free, request.calibration, progress)
+    search_result = _searched(method, logs, actuator, free, request.calibration, progress)
     report_stage(progress, "evidence")
-    result, problem = fit_at(method, search_result, request.calibration), search_result.problem
+    result = fit_at(method, search_result, request.calibration)
     if result.status == "failed":
         return result
-    result = replace(
-        result,
-        baseline=request.calibration,
-        search=result.search and replace(result.search, free=free.names),
-        recordings={log.name: on_samples(result.recordings[log.name], log) for log in logs},
-        changes=changed,
-        departure=departs,
-        load_per_supply=load_per_supply(problem, search_result.posterior),
-    )
+    recordings = {log.name: on_samples(result.recordings[log.name], log) for log in logs}
+    result = replace(result, recordings=recordings, search=result.search and replace(result.search, free=free.names))
     if method.check and request.checks:
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        reading = replace(result, calibration=request.calibration)
-        return _as_reading(reading, problem, logs, free)
+        return _as_reading(result, search_result.problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
 
 
@@ -146,9 +138,7 @@ def _as_reading(result: Fit, problem: Problem, logs: Sequence[Log], free: FreePa
         return result
     lacking = condition_warnings(logs, result.calibration.conditions, free.conditions)
     assumed = assumed_conditions(logs, (*free.names, *problem.measured), problem.actuator)
-    status = "warning" if lacking and result.status == "ok" else result.status
-    read = replace(result, warnings=(*result.warnings, *lacking), status=status, assumed=assumed)
-    return with_slow_logs(read, logs)
+    return with_slow_logs(replace(result, warnings=(*result.warnings, *lacking), assumed=assumed), logs)
 
 
 def _searched(
@@ -158,13 +148,13 @@ def _searched(
     free: FreeParameters,
     calibration: Calibration | None,
     progress: Progress | None,
-) -> tuple[SearchResult, tuple[Change, ...], Departure | None]:
+) -> SearchResult:
     """Search; for a load from position alone over all hypotheses, with the changes and the departure."""
     search_result = method.search(logs, actuator, free, calibration, progress)
     if method.changes is None or calibration is None or not search_result.problem.changing:
-        return search_result, (), None
+        return search_result
     if isinstance(search_result.solution, Failure):
-        return search_result, (), None
+        return search_result
     report_stage(progress, "changes")
     explanations = explained(search_result, method.changes, calibration, progress)
     cost = min(explanation.solution.at.cost for explanation in explanations.values())
@@ -175,8 +165,10 @@ def _searched(
     settled = method.changes.settle(problem, best.solution, posterior.x)
     if isinstance(settled, Failure):
         settled, posterior = best.solution, posterior.moved(best.solution.x - posterior.x)
-    departs = departure(best, posterior.x, cost, logs, calibration)
-    return replace(best.result, solution=settled, posterior=posterior), changes(problem, posterior), departs
+    return replace(
+        best.result, solution=settled, posterior=posterior, changes=changes(problem, posterior),
+        departure=departure(best, posterior.x, cost, logs, calibration),
+    )  # fmt: skip
 
 
 def free_parameters(logs: Sequence[Log], actuator: Actuator, request: FitRequest) -> tuple[Actuator, FreeParameters]:

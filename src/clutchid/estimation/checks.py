@@ -289,4 +289,4 @@ def _bootstrapped(result: Fit, problem: Problem, solution: ShootingSolution, unc
         f"the intervals are too narrow: in a bootstrap over {count} strokes the standard deviation of the load is "
         f"{times:.1f} times larger."
     )
-    return replace(result, status="warning", warnings=(*result.warnings, warning))
+    return replace(result, warnings=(*result.warnings, warning))

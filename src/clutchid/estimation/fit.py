@@ -16,10 +16,10 @@ from clutchid.estimation.causes import with_causes
 from clutchid.estimation.method import Method
 from clutchid.estimation.prediction_error import PREDICTION_ERROR
 from clutchid.estimation.request import FitRequest
-from clutchid.estimation.result import Fit
+from clutchid.estimation.result import Fit, Recording
 from clutchid.estimation.shooting import MOST_TOGETHER, SHOOTING
 from clutchid.estimation.simulation_error import SIMULATION
-from clutchid.estimation.verification import on_samples, verified, with_rests
+from clutchid.estimation.verification import on_samples, verification
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import base_of, unknown_name
@@ -28,7 +28,7 @@ from clutchid.preparation.prepare import check_recordings, with_duty_cycles, wit
 from clutchid.preparation.pulses import lacks_changes
 from clutchid.simulation.inputs import with_inputs
 from clutchid.strokes.vented_pressure import with_ambient, without_zeros
-from clutchid.strokes.vented_rest import from_rest
+from clutchid.strokes.vented_rest import ZeroedLog, from_rest
 
 MethodName = Literal["simulation", "shooting", "prediction-error"]
 
@@ -70,7 +70,7 @@ def fit_request(
         [from_rest(log, request.counted_from, request.zero) for log in without_zeros(several)]
         for several in (ready, apart)
     )
-    recordings, others = [rest.log for rest in rested], [rest.log for rest in checked]
+    recordings, others = ([zeroed.log for zeroed in several] for several in (rested, checked))
     check_recordings(recordings, others, request.measure, start.parameters.y_max)
     method = method_of(request, recordings, start, methods)
     readings = {}
@@ -93,11 +93,24 @@ def fit_request(
     if len(recordings) > 1 and calibrated and not readings:
         readings = _one_by_one(ready, start, request, progress, methods)
     report_stage(progress, "verification")
-    whole = {log.name: on_samples(result.recordings[log.name], log) for log in recordings}
-    return with_rests(
-        verified(replace(result, recordings=whole, readings=readings, notes=(*result.notes, *said)), others, request),
-        [*rested, *checked],
+    simulated, problems = verification(result.actuator, others, request.partition, request.measure, result.follows)
+    return replace(
+        result,
+        recordings=_with_rests(result.recordings, rested),
+        verification=_with_rests(simulated, checked),
+        readings=readings,
+        notes=(*result.notes, *said),
+        warnings=(*result.warnings, *(f"verification: {problem}" for problem in problems)),
     )
+
+
+def _with_rests(recordings: Mapping[str, Recording], rested: Sequence[ZeroedLog]) -> dict[str, Recording]:
+    """Recordings at all their samples, each with the shift of its rest."""
+    return {
+        log.name: replace(on_samples(recordings[log.name], log), rest=shift, subtracted=subtracted)
+        for log, shift, subtracted in rested
+        if log.name in recordings
+    }
 
 
 def method_of(

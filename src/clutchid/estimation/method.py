@@ -8,9 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from clutchid.estimation.filtered_load import load_per_supply
 from clutchid.estimation.request import FreeParameters, SearchState, ended
 from clutchid.estimation.result import (
+    Change,
     Compared,
+    Departure,
     Fit,
     errors_over,
     fitted_curve,
@@ -41,14 +44,16 @@ _PRIOR_DOMINATES = 0.9
 class SearchResult:
     """The problem of a fit, and the solution of its search, or the reason why it could not start.
 
-    `posterior` is that over all hypotheses about changes, where they were weighed; `effort` says when a search by
-    multiple shooting ends that does not converge.
+    `posterior` is that over all hypotheses about changes, where they were weighed, `changes` and `departure` what that
+    gave; `effort` says when a search by multiple shooting ends that does not converge.
     """
 
     problem: Problem
     solution: Solution[Any] | Failure
     posterior: Mixture | None = None
     effort: Effort = USUAL_EFFORT
+    changes: tuple[Change, ...] = ()
+    departure: Departure | None = None
 
 
 class MethodResult(NamedTuple):
@@ -133,7 +138,7 @@ def fit_at(method: Method, search_result: SearchResult, calibration: Calibration
         *([] if converged else [f"the search {end}."]),
     )
     return Fit(
-        status="warning" if warnings else "ok",
+        status="ok",
         message=end,
         actuator=fitted,
         parameters=_estimates(problem, at, x, fitted, result, mixture),
@@ -147,8 +152,13 @@ def fit_at(method: Method, search_result: SearchResult, calibration: Calibration
         warnings=warnings,
         method=method.name,
         notes=(*(_identifiable(problem, result.covariance) if method.priors else ()), *result.notes),
+        calibration=calibration,
         converged=converged,
+        changes=search_result.changes,
+        baseline=calibration,
         search=_search_state(problem, solution) if method.priors else None,
+        departure=search_result.departure,
+        load_per_supply=load_per_supply(problem, mixture),
         starts=solution.starts,
     )
 

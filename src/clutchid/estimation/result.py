@@ -183,7 +183,7 @@ class Fit:
     Attributes
     ----------
     status
-        'ok'; 'warning', with sentences in `warnings`; or 'failed', with no estimates.
+        'ok'; 'warning' where there are `warnings`; or 'failed', with no estimates.
     message
         How the search ended, or why there is no result: one sentence.
     actuator
@@ -283,6 +283,10 @@ class Fit:
     alternatives: Mapping[str, Fit] = field(default_factory=dict)
 
     __reduce__ = made_anew
+
+    def __post_init__(self) -> None:
+        if self.status != "failed":
+            object.__setattr__(self, "status", "warning" if self.warnings else "ok")
 
     if TYPE_CHECKING:  # attached by `clutchid.verbs.attached`
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from clutchid.estimation.method import fit_at
-from clutchid.estimation.request import FitRequest, FreeParameters
+from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Fit, Recording, errors_over
 from clutchid.estimation.simulation_error import SIMULATION
 from clutchid.log import Log
@@ -24,25 +24,6 @@ from clutchid.simulation.plan import plan
 from clutchid.simulation.sensors import with_sensors
 from clutchid.simulation.stiffness import stiffness, top_speed
 from clutchid.strokes.duty_cycle import is_slow
-from clutchid.strokes.vented_rest import ZeroedLog
-
-
-def with_rests(result: Fit, rested: Sequence[ZeroedLog]) -> Fit:
-    """`result` with the shifts of the rests of its recordings."""
-    shifted = {zeroed.log.name: zeroed for zeroed in rested if zeroed.shift is not None}
-
-    def added(recordings: Mapping[str, Recording]) -> dict[str, Recording]:
-        return {
-            name: replace(recording, rest=shifted[name].shift, subtracted=shifted[name].subtracted)
-            if name in shifted
-            else recording
-            for name, recording in recordings.items()
-        }
-
-    if not shifted:
-        return result
-    return replace(result, recordings=added(result.recordings), verification=added(result.verification))
-
 
 #: Standard deviation of a load that is read from a slow recording, as a share of it, beside that of a recording with
 #: every change of the duty cycles. Provenance: `benchmarks/slow_logs.py`, docs/derivations.md, "What a slow log
@@ -72,14 +53,6 @@ def with_slow_logs(fit: Fit, logs: Sequence[Log]) -> Fit:
         covariance=fit.covariance + np.outer(missed, missed),
         load_curve=curve.widened(QUANTILE * MISSED * curve.force),
     )
-
-
-def verified(result: Fit, logs: Sequence[Log], request: FitRequest) -> Fit:
-    """`result` with the simulations of other recordings, and warnings about them."""
-    simulated, warnings = verification(result.actuator, logs, request.partition, request.measure, result.follows)
-    all_warnings = (*result.warnings, *(f"verification: {warning}" for warning in warnings))
-    status = "warning" if all_warnings and result.status == "ok" else result.status
-    return replace(result, verification=simulated, warnings=all_warnings, status=status)
 
 
 def verification(
