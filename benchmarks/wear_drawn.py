@@ -27,8 +27,8 @@ from clutchid.truck import aged
 from clutchid.truck.families import truck
 from clutchid.truck.service import Visit, visits
 from clutchid.verbs.virtual_fleet import LOAD_POSITIONS, STEPS, STROKES_A_METRE, engaging, load_at_positions
-from clutchid.wear.history import History, RecordingJob, WearReading
-from clutchid.wear.life import Wear, wear_of
+from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.life import LifeLimits, Wear, wear_of
 from clutchid.wear.trend import REFERENCE, WearTable
 
 
@@ -122,10 +122,9 @@ def drawn(service: Sequence[Visit], true: Truth, odd: float, random: np.random.G
     return readings
 
 
-def history(service: Sequence[Visit]) -> History:
+def jobs(service: Sequence[Visit]) -> list[RecordingJob]:
     """The recordings over strokes."""
-    dated = tuple(RecordingJob(v.recording, "", "", v.begin, v.odometer, v.strokes) for v in service)
-    return History(tuple(range(len(dated))), dated, "strokes", np.array([v.strokes for v in service]))
+    return [RecordingJob(v.recording, "", "", v.begin, v.odometer, v.strokes) for v in service]
 
 
 def life(service: Sequence[Visit], wear: Wear, true: Truth) -> Life:
@@ -157,7 +156,8 @@ def forecast(
     half = next(k for k, v in enumerate(service) if v.wear >= 0.5 * last.wear)
     limit = float(np.interp(last.wear, table.wear, table.shift))
     ends = WearTable(*(values[table.wear <= last.wear] for values in table)) if with_table else None
-    wear = wear_of("", history(service[: half + 1]), readings[: half + 1], ends, None if with_table else limit)
+    limits = LifeLimits(None if with_table else limit, ends)
+    wear = wear_of("", jobs(service[: half + 1]), readings[: half + 1], limits)
     left = last.strokes - service[half].strokes
     return None if wear.left is None else bool(wear.left.low <= left <= wear.left.high)
 
@@ -186,7 +186,7 @@ def main() -> None:
         true = truth(service, table, options.faults, random)
         readings = drawn(service, true, options.odd, random)
         both = [
-            life(service, wear_of("", history(service), readings, table_of_wear), true)
+            life(service, wear_of("", jobs(service), readings, LifeLimits(table=table_of_wear)), true)
             for table_of_wear in (None, table)
         ]
         held = (

@@ -11,9 +11,10 @@ from clutchid.fleets.output import vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import RecordingRow, run_store
 from clutchid.systems import is_device
 from clutchid.verbs.reading import Reading
-from clutchid.verbs.tracking import LifeLimits, track, write_tracked
+from clutchid.verbs.tracking import track, write_tracked
 from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.life import LifeLimits
 from fixtures.commands import without_workers
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from clutchid.errors import DataError
-from clutchid.wear.history import RecordingJob, arranged
+from clutchid.wear.history import RecordingJob, WearReading, arranged
 from clutchid.wear.tables import read_table, read_wear_table
 from fixtures.cases import case_tables
 
@@ -19,7 +19,8 @@ WEAR = "wear [mm],half_load [mm],load [N]\n"
 
 def history_of(clocks, *jobs):
     """The order of recordings, by their names or as a table has them, with their clocks."""
-    return arranged([job if isinstance(job, RecordingJob) else RecordingJob(job) for job in jobs], clocks)
+    readings = [WearReading("ok", "", clock=clock) for clock in clocks]
+    return arranged([job if isinstance(job, RecordingJob) else RecordingJob(job) for job in jobs], readings)
 
 
 def test_the_clock_of_the_file_counts_before_the_table_and_the_name():

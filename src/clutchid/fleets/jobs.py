@@ -18,14 +18,7 @@ from clutchid.fleets.cluster import Workers, results, version_and_source
 from clutchid.fleets.store import RecordingRow, Store
 from clutchid.names import as_text
 from clutchid.processes import Pool
-from clutchid.verbs.folders import (
-    FolderContent,
-    files_by_name,
-    folder_content,
-    left_out,
-    name_of,
-    no_recordings,
-)
+from clutchid.verbs.folders import FolderContent, files_by_name, folder_content, left_out, name_of, no_recordings
 from clutchid.verbs.reading import Reading, by_suffix
 from clutchid.verbs.start import compile_models
 from clutchid.verbs.wear_reading import checksum_of, read_recording, unless_lost

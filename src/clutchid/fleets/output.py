@@ -23,10 +23,10 @@ from clutchid.fleets.jobs import Fleet
 from clutchid.fleets.store import RecordingRow, Store
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import LifeLimits, load_frame, table_of, wear_through
+from clutchid.verbs.tracking import load_frame, table_of
 from clutchid.verbs.wear_reading import counted_once
 from clutchid.wear.history import RecordingJob, WearReading, arranged
-from clutchid.wear.life import UNKNOWN_INTERVAL, Wear
+from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, wear_of
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _merged(jobs: Iterable[RecordingJob], stored: Iterator[RecordingRow]) -> Ite
 def _with_warnings(rows: Iterable[RecordingRow]) -> Iterator[RecordingRow]:
     """Recordings with what is missing or contradicts in their times."""
     for own in _by_vehicle(rows):
-        history = arranged([row.job for row in own], [row.reading.clock for row in own])
+        history = arranged([row.job for row in own], [row.reading for row in own])
         yield from (row._replace(job=job) for row, job in zip(own, history.dated, strict=True))
 
 
@@ -168,7 +168,7 @@ def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) ->
     """
     for rows in _by_vehicle(recording_rows(fleet, store)):
         jobs, job = [row.job for row in rows], rows[0].job
-        yield wear_through(job.vehicle, jobs, [row.reading for row in rows], limits[job.type])
+        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits[job.type])
 
 
 def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:

@@ -19,8 +19,8 @@ from clutchid.fleets.store import run_store
 from clutchid.names import as_text
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
-from clutchid.verbs.tracking import LifeLimits
 from clutchid.verbs.wear_reading import read_recording
+from clutchid.wear.life import LifeLimits
 from clutchid.wear.tables import read_wear_table
 
 

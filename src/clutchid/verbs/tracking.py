@@ -8,7 +8,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,28 +34,16 @@ from clutchid.verbs.folders import (
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import content_of
-from clutchid.verbs.wear_reading import (
-    counted_once,
-    read_recording,
-    unless_lost,
-)
-from clutchid.wear.history import RecordingJob, WearReading, arranged
-from clutchid.wear.life import Wear, wear_of
+from clutchid.verbs.wear_reading import counted_once, read_recording, unless_lost
+from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.life import LifeLimits, Wear, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
-from clutchid.wear.trend import WearTable
 
 if TYPE_CHECKING:
     import polars as pl
 
 #: Problem of a row of a table where files are named one by one.
 _NOT_NAMED = "the table names it, but it is none of the recordings of this command."
-
-
-class LifeLimits(NamedTuple):
-    """Limits of a life: a shift in m, if one is given, and the load against the wear of the facing, if it is known."""
-
-    shift: float | None = None
-    table: WearTable | None = None
 
 
 def recordings_of(
@@ -209,20 +197,7 @@ def track(
     readings = [*counted_once((as_text(path.name), by_path[path]) for job in files if (path := job.path))]
     readings += [WearReading("bad_input", job.problem) for job in absent]
     warnings = () if rows else _several_folders([job.path for job in files if job.path])
-    return WornClutch(wear_through(vehicle, [*files, *absent], readings, limits, warnings), beside)
-
-
-def wear_through(
-    vehicle: str,
-    jobs: Sequence[RecordingJob],
-    readings: Sequence[WearReading],
-    limits: LifeLimits,
-    warnings: Sequence[str] = (),
-) -> Wear:
-    """The wear of a vehicle through recordings that were read, in any order."""
-    history = arranged(jobs, [reading.clock for reading in readings])
-    history = replace(history, warnings=(*warnings, *history.warnings))
-    return wear_of(vehicle, history, readings, limits.table, limits.shift)
+    return WornClutch(wear_of(vehicle, [*files, *absent], readings, limits, warnings), beside)
 
 
 def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:

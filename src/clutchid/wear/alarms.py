@@ -13,17 +13,7 @@ from clutchid.estimation.assess.comparison import Measurement
 from clutchid.log import FloatArray
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.history import Leak, RecordingJob, WearReading
-from clutchid.wear.trend import (
-    AGED,
-    DEPARTED,
-    FALL,
-    FALL_FACTOR,
-    FALSE_ALARMS,
-    LEAKING,
-    LEAKS,
-    Band,
-    TrendOutcome,
-)
+from clutchid.wear.trend import AGED, DEPARTED, FALL, FALL_FACTOR, FALSE_ALARMS, LEAKING, LEAKS, Band, TrendOutcome
 
 #: Kinds of alarms of a change of the load.
 CHANGED = ("replaced", "sudden", "unknown")

@@ -90,17 +90,17 @@ class History:
     warnings: tuple[str, ...] = ()
 
 
-def arranged(jobs: Sequence[RecordingJob], clocks: Sequence[str]) -> History:
+def arranged(jobs: Sequence[RecordingJob], readings: Sequence[WearReading]) -> History:
     """The order of recordings by their own clock, else the table, else a date in their name, else their name.
 
     Where all have strokes, these are the axis of the trend, else km, else days, else their number.
 
     Parameters
     ----------
-    jobs, clocks
-        Each recording as a table has it, and the start time in its file (ISO 8601), or an empty string.
+    jobs, readings
+        Each recording as a table has it, and what its reading gave, which has the start time in its file (ISO 8601).
     """
-    dated = list(map(_dated, jobs, clocks))
+    dated = [_dated(job, reading.clock) for job, reading in zip(jobs, readings, strict=True)]
     warnings = [f"{job.recording}: {sentence}" for job in dated for sentence in job.warnings]
     missing = [job.recording for job in dated if job.begin is None]
     if 0 < len(missing) < len(dated):

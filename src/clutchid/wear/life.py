@@ -13,7 +13,7 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
-from clutchid.wear.history import Axis, History, RecordingJob, WearReading
+from clutchid.wear.history import Axis, RecordingJob, WearReading, arranged
 from clutchid.wear.trend import (
     CHANNELS,
     GROWTH,
@@ -219,24 +219,33 @@ class Wear:
         )
 
 
-def wear_of(
-    vehicle: str,
-    history: History,
-    readings: Sequence[WearReading],
-    table: WearTable | None = None,
-    limit: float | None = None,
-) -> Wear:
-    """The wear of a clutch.
+class LifeLimits(NamedTuple):
+    """Limits of a life.
 
-    Parameters
+    Attributes
     ----------
-    history
-        Order of the recordings; `readings` are in the order of its `dated`.
+    shift : m
+        Shift that ends it; with a table, and by default, the wear at its end.
     table
         Load against wear of the facing, which then is a quantity too.
-    limit : m
-        Shift that ends the life; with a table, and by default, the wear at its end.
     """
+
+    shift: float | None = None
+    table: WearTable | None = None
+
+
+def wear_of(
+    vehicle: str,
+    jobs: Sequence[RecordingJob],
+    readings: Sequence[WearReading],
+    limits: LifeLimits,
+    warnings: Sequence[str] = (),
+) -> Wear:
+    """The wear of a clutch through recordings that were read, in any order.
+
+    `warnings` come before those of the order.
+    """
+    history, (limit, table) = arranged(jobs, readings), limits
     ordered = [readings[i] for i in history.order]
     dated = tuple(history.dated[i] for i in history.order)
     life = LIFE[history.axis]
@@ -257,7 +266,7 @@ def wear_of(
     wear = Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), outcomes, then,
         _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, results, then, moves),
-        limit if table is None else end, None, history.warnings, tuple(moves),
+        limit if table is None else end, None, (*warnings, *history.warnings), tuple(moves),
         None if table is None else float(table.wear[-1]), frozenset(waiting),
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
