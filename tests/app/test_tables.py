@@ -82,12 +82,10 @@ def test_each_table_of_a_run_opens_the_same_fleet(run, name):
     assert words["trends"]
 
 
-def test_a_table_of_wear_alone_is_a_fleet_as_well(run, tmp_path):
+def test_a_trend_of_several_vehicles_alone_says_which_file_lists_them(run, tmp_path):
     (tmp_path / "several.parquet").write_bytes((run / "wear.parquet").read_bytes())
-    (tmp_path / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
-    alone, whole = (shown(path)["vehicles"] for path in (tmp_path / "several.parquet", run / "vehicles.parquet"))
-    for column in ("vehicle", "counted", "left", "shift", "trust"):
-        assert alone[column] == whole[column]
+    with pytest.raises(DataError, match=r"several.parquet: has 3 vehicles, and vehicles.parquet of the same run"):
+        shown(tmp_path / "several.parquet")
 
 
 def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
@@ -100,16 +98,6 @@ def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
     assert (words["trend"], len(words["loads"]), words["recordings"][0]["trust"]) == (None, 20, "good")
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".json"])
-def test_a_table_that_was_saved_in_another_format_is_read_as_well(track, tmp_path, suffix):
-    rows = pl.read_parquet(track)
-    path = tmp_path / f"wear{suffix}"
-    (rows.write_csv if suffix == ".csv" else rows.write_json)(path)
-    words, whole = shown(path), shown(track)
-    assert words["trend"] == whole["trend"]
-    assert [row["shift"] for row in words["recordings"]] == [row["shift"] for row in whole["recordings"]]
-
-
 def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track, monkeypatch):
     monkeypatch.setattr("clutchid.fleets.opened.MOST_LOADS", 3)
     words = shown(track)
@@ -118,20 +106,20 @@ def test_of_many_loads_some_are_plotted_evenly_with_the_first_and_the_last(track
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("columns", "said"),
     [
-        ("a.parquet", b"PAR1", "a.parquet: cannot be read as a table"),
-        ("a.csv", b"time [s],position [m]\n0,0\n", "a.csv: is no result of `clutchid track`"),
-        ("a.json", b"{", "a.json: cannot be read as a table"),
-        ("a.json", b'{"status": "ok"}', "a.json: is no result of `clutchid track`"),
-        ("a.csv", b"", "a.csv: cannot be read as a table"),
-        ("a.csv", b"recording,outcome,left\nV 2 00,good,3\n", "make it again with `clutchid track --out FILE.parquet`"),
+        (None, "a.parquet: cannot be read as a table"),
+        ({"time [s]": [0.0]}, "a.parquet: is no result of `clutchid track`"),
+        ({"recording": ["r"], "outcome": ["used"]}, "make it again with `clutchid track --out FILE.parquet`"),
     ],
 )
-def test_another_file_is_a_sentence(tmp_path, name, content, said):
-    (tmp_path / name).write_bytes(content)
+def test_another_file_is_a_sentence(tmp_path, columns, said):
+    if columns:
+        pl.DataFrame(columns).write_parquet(tmp_path / "a.parquet")
+    else:
+        (tmp_path / "a.parquet").write_text("recording,outcome\n")
     with pytest.raises(DataError) as error:
-        opened_results(tmp_path / name, tmp_path, None)
+        opened_results(tmp_path / "a.parquet", tmp_path, None)
     assert said in str(error.value)
     assert str(tmp_path) not in str(error.value)
 

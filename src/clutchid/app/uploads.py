@@ -26,9 +26,6 @@ _LONGEST = 120
 #: Suffixes of what comes with recordings, in the list of a folder.
 _BESIDE = (".dbc", ".toml")
 
-#: Suffixes of results of a track or a fleet.
-_TABLES = (".parquet", ".csv", ".json")
-
 #: Most entries of a folder that are listed.
 _MOST_ENTRIES = 2000
 
@@ -135,7 +132,7 @@ def is_opened(name: str) -> bool:
 
 def is_table(name: str) -> bool:
     """Whether a file has the name of a result of a track or a fleet."""
-    return Path(name).suffix.lower() in _TABLES
+    return Path(name).suffix.lower() == ".parquet"
 
 
 def folder_listing(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:

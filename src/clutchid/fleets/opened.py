@@ -96,19 +96,8 @@ def _inside(path: Path, below: Path) -> Path | None:
     return path if path.is_file() and path.resolve().is_relative_to(below) else None
 
 
-def _scanned(path: Path) -> pl.LazyFrame:
-    """A table in a file: Parquet, CSV with a heading, or JSON with an object a row."""
-    import polars as pl
-
-    if path.suffix.lower() == ".csv":
-        return pl.scan_csv(path, infer_schema_length=None)
-    if path.suffix.lower() == ".json":
-        return pl.read_json(path, infer_schema_length=None).lazy()
-    return pl.scan_parquet(path)
-
-
 def _read(path: Path, where: pl.Expr | None = None, most: int = _MOST_ROWS) -> pl.DataFrame:
-    """The rows of a file, or those of a condition, at most so many.
+    """The rows of a Parquet file, or those of a condition, at most so many.
 
     Raises
     ------
@@ -118,7 +107,7 @@ def _read(path: Path, where: pl.Expr | None = None, most: int = _MOST_ROWS) -> p
     import polars as pl
 
     try:
-        frame = _scanned(path)
+        frame = pl.scan_parquet(path)
         rows: pl.DataFrame = (frame if where is None else frame.filter(where)).head(most).collect()
     except (OSError, pl.exceptions.PolarsError, ValueError) as error:
         why = reason_of(error) if type(error) is OSError else str(error).splitlines()[0][:200]
@@ -150,8 +139,12 @@ def opened_results(path: Path, below: Path, vehicle: str | None) -> dict[str, An
         return vehicle_table(files, vehicle)
     if files.vehicles is None and files.results is None and files.wear is not None:
         names = _read(files.wear)["vehicle"].unique().to_list()
-        if len(names) <= 1:
-            return vehicle_table(files, names[0] if names else "")
+        if len(names) > 1:
+            raise DataError(
+                f"{printable(path.name)}: has {len(names):,} vehicles, and {VEHICLES} of the same run, which lists "
+                "them, does not lie beside it."
+            )
+        return vehicle_table(files, names[0] if names else "")
     return fleet_table(files)
 
 
@@ -163,12 +156,7 @@ _BANDS = {"shift": ("shift", "_mm"), "wear": ("wear", "_mm"), "load": ("load_cha
 
 def fleet_table(files: Files) -> dict[str, Any]:
     """The vehicles of a fleet, a list of values a column, in the order of their names."""
-    if files.vehicles is not None:
-        rows = _read(files.vehicles).to_dicts()
-    elif files.wear is not None:
-        rows = _last_rows(_read(files.wear))
-    else:
-        rows = []
+    rows = [] if files.vehicles is None else _read(files.vehicles).to_dicts()
     newest = {} if files.results is None else _newest(_read(files.results))
     rows = rows or [{"vehicle": name, **row} for name, row in newest.items()]
     rows.sort(key=lambda row: natural(str(row["vehicle"])))
@@ -195,32 +183,6 @@ def _number(value: Any) -> float | str | None:
     if not isinstance(value, int | float) or np.isnan(value):
         return None
     return float(f"{value:.6g}") if np.isfinite(value) else "inf"
-
-
-def _last_rows(wear: pl.DataFrame) -> list[dict[str, Any]]:
-    """The vehicles of a table of wear, as the table of vehicles has them."""
-    rows = []
-    for (name,), group in wear.group_by(["vehicle"], maintain_order=True):
-        last = group.row(-1, named=True)
-        row = {
-            "vehicle": name, "recordings": group.height, "axis": last.get("axis"), "last": _last(group["begin"]),
-            "counted": sum(outcome in COUNTED_OUTCOMES for outcome in group["outcome"]),
-            "alarms": "; ".join(ALARMS.get(kind, kind) for text in group["alarm"] if text for kind in text.split(", ")),
-        }  # fmt: skip
-        counts = bool(row["counted"])
-        for side, tail in (("", ""), (" low", "_low"), (" high", "_high")):
-            for quantity in ("shift", "wear"):
-                value = last.get(f"{quantity}{side} [m]") if counts else None
-                row[f"{quantity}{tail}_mm"] = None if value is None else 1e3 * value
-            row[f"load_change{tail}"] = last.get(f"load{side} [1]") if counts else None
-            row[f"left{tail}"] = last.get(f"left{side}")
-        rows.append(row)
-    return rows
-
-
-def _last(begins: pl.Series) -> str | None:
-    dates = [text for text in begins.to_list() if text]
-    return str(dates[-1]) if dates else None
 
 
 def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
