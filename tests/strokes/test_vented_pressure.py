@@ -110,6 +110,13 @@ def test_several_rests_know_it_better_than_one_and_one_that_lies_higher_is_left_
     assert abs(with_one.mean - AMBIENT) < 3.0 * with_one.std
 
 
+def test_a_long_rest_counts_by_its_length():
+    """4 s at the ambient pressure and 0.4 s at 400 Pa below it: nearer to the long one, at less than half."""
+    rests = STROKE, HOLD, DOWN, (4.0, AMBIENT, *OPEN), STROKE, HOLD, DOWN, (0.4, AMBIENT - 400.0, *OPEN)
+    below = [AMBIENT - vented_pressure(recording(*rests, noise=500.0, seed=seed)).mean for seed in range(5)]
+    assert 0.0 < np.mean(below) < 200.0
+
+
 def test_columns_of_a_slower_sensor_show_it_too():
     """They have a sample in ten, and none between."""
     log = recording((0.3, AMBIENT, *CLOSED), STROKE, HOLD, DOWN, VENTING)
