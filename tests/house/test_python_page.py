@@ -18,7 +18,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 WRITTEN = {
     "python.md": {"page.html", "load.pdf", "worn.csv", "state.toml", "cal.toml", "trucks", "result"},
     "sampling.md": set(),
-    "from_matlab.md": {"run.csv", "load.mat", "load_fit.m", "simulated.mat"},
+    "from_matlab.md": {"run.csv", "load.mat", "simulated.mat"},
     "calibrate_read_compare.md": {"cal.toml", "new_against_worn.png"},
 }
 
