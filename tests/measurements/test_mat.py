@@ -14,6 +14,7 @@ from clutchid.log import Log
 from clutchid.measurements.formats.mat import file as mat_file
 from clutchid.measurements.formats.mat import loaded as mat_loaded
 from clutchid.measurements.formats.mat import rasters as mat_rasters
+from fixtures.cases import cases
 from fixtures.sources import called, numbers_of
 
 N = 40
@@ -39,19 +40,30 @@ def values(source, text):
     return numbers_of(source, raster)[text]
 
 
-def heading(source, text):
-    (match,) = [h for raster in source.rasters for h in raster.headings if h.text == text]
-    return match
+VECTORS = {"T": T, "Y": Y, "S": T[:9], "Z": Y[:9], "Y2": np.c_[Y, -Y]}
 
 
-def objects(**fields):
-    """A struct array with these fields, one entry an element."""
-    (count,) = {len(entries) for entries in fields.values()}
-    array = np.empty((1, count), dtype=[(name, "O") for name in fields])
-    for name, entries in fields.items():
-        for i, entry in enumerate(entries):
-            array[0, i][name] = entry
+def variable(value):
+    """A variable of a table: a vector by its name, a struct, or a struct array."""
+    if isinstance(value, dict):
+        return {name: variable(entry) for name, entry in value.items()}
+    if isinstance(value, str):
+        return VECTORS.get(value, value)
+    array = np.empty((1, len(value)), dtype=[(name, "O") for name in value[0]])
+    for i, entry in enumerate(value):
+        array[0, i] = tuple(map(variable, entry.values()))
     return array
+
+
+@pytest.mark.parametrize("case", cases(__file__, "mat_layouts"))
+def test_a_layout_has_its_channels_times_units_and_comments(opened, case):
+    source = opened(variable(case["variables"]))
+    assert [[name or "-" for name in names] for names in called(source)] == case["channels"]
+    assert [raster.name for raster in source.rasters] == case.get("names", [raster.name for raster in source.rasters])
+    by_text = {heading.text: heading for raster in source.rasters for heading in raster.headings}
+    assert {name: by_text[name].unit or "" for name in case.get("units", {})} == case.get("units", {})
+    assert {name: by_text[name].comment for name in case.get("comments", {})} == case.get("comments", {})
+    assert source.warnings == ()
 
 
 @pytest.mark.parametrize("options", [{}, {"do_compression": True}, {"format": "4"}, {"oned_as": "column"}])
@@ -85,38 +97,7 @@ def test_version_4_is_read_in_either_byte_order(tmp_path, order):
         np.testing.assert_array_equal(values(source, kind), np.arange(N))
 
 
-def test_every_struct_has_its_own_time_and_serves_the_structs_inside_it(opened):
-    valve = {"duty": Y, "name": "supply valve"}
-    source = opened({"rec": {"time": T, "pos": Y, "valve": valve}, "ref": {"zeit": T, "pos": -Y}})
-    assert called(source) == [["rec.time", "rec.pos", "rec.valve.duty"], ["ref.zeit", "ref.pos"]]
-    assert [raster.name for raster in source.rasters] == ["rec", "ref"]
-    assert heading(source, "rec.valve.duty").comment == "supply valve"
-
-
-def test_the_time_of_one_struct_does_not_serve_another(opened):
-    source = opened({"rec": {"time": T, "pos": Y}, "other": {"pos": Y}})
-    assert called(source) == [["rec.time", "rec.pos"], [None, "other.pos"]]
-
-
-def test_simulinks_structure_with_time(opened):
-    signals = objects(
-        values=[Y[:, None], np.c_[Y, -Y], Y[:, None]],
-        label=["stroke", "pressures", ""],
-        blockName=["cylinder/Scope", "cylinder/Scope", "cylinder/Out1"],
-    )
-    source = opened({"x": {"time": T, "signals": signals, "blockName": "cylinder/To Workspace"}})
-    assert called(source) == [["x.time", "x.stroke", "x.pressures(:,1)", "x.pressures(:,2)", "x.signals(3).values"]]
-    assert heading(source, "x.stroke").comment == "x.signals(1).values; cylinder/Scope"
-    np.testing.assert_array_equal(values(source, "x.pressures(:,2)"), -Y)
-
-
-def test_labels_that_are_used_twice_give_way_to_paths(opened):
-    source = opened({"x": {"time": T, "signals": objects(values=[Y, -Y], label=["p", "p"])}})
-    assert called(source) == [["x.time", "x.signals(1).values", "x.signals(2).values"]]
-
-
-def test_simulinks_arrays_go_with_tout_and_a_matrix_alone_with_its_own_first_column(opened):
-    assert called(opened({"tout": T, "simout": np.c_[Y, -Y]})) == [["tout", "simout(:,1)", "simout(:,2)"]]
+def test_a_matrix_alone_has_its_time_in_its_own_first_column(opened):
     source = opened({"simout": np.c_[T, Y], "wide": np.vstack([T, Y, -Y])[:, :30]})
     assert called(source) == [["simout(:,1)", "simout(:,2)"], ["wide(1,:)", "wide(2,:)", "wide(3,:)"]]
     np.testing.assert_array_equal(values(source, "wide(3,:)"), -Y[:30])
@@ -134,41 +115,11 @@ def test_simulinks_signals_that_change_along_the_third_dimension(opened, options
     np.testing.assert_array_equal(values(source, "pair(2,:)"), -Y)
 
 
-def test_a_struct_array_of_signals_with_the_time_beside_them(opened):
-    # as dSPACE writes it
-    y = objects(Name=["Plant/pos", "Plant/p"], Data=[Y, -Y], Unit=["mm", "bar"])
-    source = opened({"rec": {"X": {"Name": "clock", "Data": T, "Unit": "s"}, "Y": y}})
-    assert called(source) == [["rec.X.Data", "rec.Plant/pos", "rec.Plant/p"]]
-    assert [h.unit for h in source.rasters[0].headings] == ["s", "mm", "bar"]
-
-
-def test_a_struct_array_whose_elements_have_their_own_time(opened):
-    source = opened({"sig": objects(t=[T, T[:9]], y=[Y, Y[:9]])})
-    assert called(source) == [["sig(1).t", "sig(1).y"], ["sig(2).t", "sig(2).y"]]
-
-
 def test_cells_of_vectors(opened):
     cell = np.empty(2, dtype=object)
     cell[:] = [T, Y]
     source = opened({"t": T, "c": cell})
     assert called(source) == [["t", "c{1}", "c{2}"]]
-
-
-def test_units_are_found_where_a_field_says_them(opened):
-    info = {"Units": "mm"}
-    source = opened(
-        {
-            "a": {"t": T, "y": Y, "p": Y, "units": {"y": "mm", "p": "bar", "t": "ms"}},
-            "b": {"Time": T, "Data": Y, "DataInfo": info, "TimeInfo": {"Units": "seconds"}},
-            "c": {"zeit": T, "druck": Y, "Einheit": "bar (g)"},
-            "d": {"t": T, "y": Y, "y_unit": "%", "p": Y},
-        }
-    )
-    units = {h.text: h.unit for raster in source.rasters for h in raster.headings}
-    assert [units[f"a.{name}"] for name in "typ"] == ["ms", "mm", "bar"]
-    assert (units["b.Data"], units["b.Time"], units["c.druck"], units["c.zeit"]) == ("mm", "s", "bar(g)", None)
-    assert (units["d.y"], units["d.p"], units["d.t"]) == ("%", None, None)
-    assert source.warnings == ()
 
 
 @pytest.mark.parametrize(
