@@ -70,7 +70,7 @@ def test_every_command_of_the_page_does_what_the_page_says(folder):
     for line, process, expected in answers:
         assert process.returncode == (2 if expected else 0), (line, process.stderr)
         if expected:
-            assert re.sub(r"'\w{12}\.\.\.'", "'HASH...'", process.stderr.strip()) == expected
+            assert re.sub(r"'\w{12}…'", "'HASH…'", process.stderr.strip()) == expected
 
 
 def test_the_calibration_of_the_page_finds_the_values_that_made_the_recording(folder):
