@@ -23,7 +23,7 @@ from clutchid.numerics.progress import Step
 from clutchid.verbs import saving
 from clutchid.verbs.looking import is_map
 from clutchid.verbs.next_step import document_with_next_step
-from clutchid.verbs.observing import observed
+from clutchid.verbs.observing import ObserveRequest, observed
 from clutchid.verbs.options import pressure_option
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
 from clutchid.verbs.reading import Reading
@@ -211,7 +211,7 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     content = calibration_file(task.start)
     events.progress("observing", 0.3, "following the samples")
     file = task.recording
-    run = observed(Reading((file.path,), channels=file.map, force=task.force), content, task.method)
+    run = observed(Reading((file.path,), channels=file.map, force=task.force), content, ObserveRequest(task.method))
     events.progress("writing", 0.9, "writing")
     estimates = run.estimates()
     names = [name for name in _OBSERVED if name in estimates.columns]

@@ -31,7 +31,7 @@ from clutchid.cli.common import (
 from clutchid.documents.console import print_rows, say
 from clutchid.errors import ParameterError
 from clutchid.verbs.commands import typed
-from clutchid.verbs.live.arriving import STANDARD_INPUT, LiveReading, is_live
+from clutchid.verbs.live.arriving import STANDARD_INPUT, is_live
 from clutchid.verbs.live.files import Outputs
 from clutchid.verbs.options import USUAL_FILES
 
@@ -119,7 +119,7 @@ def observe(
     from clutchid.documents import Observation
     from clutchid.verbs.live.following import follow_live
     from clutchid.verbs.live.streams import unhurried_errors
-    from clutchid.verbs.observing import observed
+    from clutchid.verbs.observing import ObserveRequest, observed
     from clutchid.verbs.start import calibration_file
 
     if str(log).startswith("-") and str(log) != STANDARD_INPUT:
@@ -129,13 +129,13 @@ def observe(
     outputs = options.outputs
     outputs.check(log, options.start, options.resume, options.files)
     content = calibration_file(options.start)
+    reading = options.files.reading([log], force=options.force, zero=options.zero)
+    request = ObserveRequest(options.method, options.resume, options.supply_std)
     if not is_live(log):
-        reading = options.files.reading([log], force=options.force, zero=options.zero)
-        run = observed(reading, content, options.method, options.resume, options.supply_std)
+        run = observed(reading, content, request)
         outputs.write(run, content)
         return _answer(Observation(run, content.origin), outputs, json=options.json)
-    arriving = LiveReading(log, options.files, options.method, options.zero, options.resume, options.supply_std)
-    end = follow_live(arriving, content, outputs, say_checks=not options.json)
+    end = follow_live(reading, content, request, outputs, say_checks=not options.json)
     with unhurried_errors():
         message = " ".join(filter(None, (end.fault, *end.troubles)))
         trouble = ("bad_input" if end.fault else "failed", message)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.arguments import checked
 from clutchid.errors import DataError
@@ -87,16 +87,23 @@ def observe(
     '4.3 kN, 5.2 bar'
     """
     reading = reading_of(log, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=zero)
-    return observed(reading, calibration_file(start), method, None if resume is None else Path(resume), supply_std)
+    asked = ObserveRequest(method, None if resume is None else Path(resume), supply_std)
+    return observed(reading, calibration_file(start), asked)
 
 
-def observed(
-    reading: Reading,
-    content: ParameterFile,
-    method: str = "joint",
-    resume: Path | None = None,
-    supply_std: float | None = None,
-) -> ObservedRecording:
+class ObserveRequest(NamedTuple):
+    """Request of an observation: the method, the state to go on from, and `supply_std`, as of `observe`."""
+
+    method: str = "joint"
+    resume: Path | None = None
+    supply_std: float | None = None
+
+
+#: The request where none is made.
+USUAL_OBSERVER = ObserveRequest()
+
+
+def observed(reading: Reading, content: ParameterFile, request: ObserveRequest = USUAL_OBSERVER) -> ObservedRecording:
     """Read and check a recording, and follow it with the observer of a calibration, or from a saved state.
 
     Raises
@@ -110,18 +117,13 @@ def observed(
     slow = too_slow(log, content.actuator)
     if slow and not reading.force:
         raise DataError(f"{slow}{ANYWAY}")
-    observer, state = observer_of(log, content, method, resume, reading.zero, supply_std)
+    observer, state = observer_of(log, content, request, reading.zero)
     warnings = (*log.warnings, *filter(None, (slow,)), *unused_conditions(observer, log))
     return observe_recording(observer, replace(log, warnings=warnings), state)
 
 
 def observer_of(
-    log: Log,
-    content: ParameterFile,
-    method: str,
-    resume: Path | None,
-    zero: Zero,
-    supply_std: float | None = None,
+    log: Log, content: ParameterFile, request: ObserveRequest, zero: Zero
 ) -> tuple[Observer, ObserverState]:
     """The observer of a calibration for a recording, of which the first samples suffice, and the state to start from.
 
@@ -135,6 +137,7 @@ def observer_of(
     from clutchid.observer.run import check_pace, spacing
     from clutchid.observer.state_file import read_state, saved_spacing
 
+    method, resume, supply_std = request
     every = spacing(log) if resume is None else saved_spacing(resume)
     share = SUPPLY_STD if supply_std is None else supply_std
     observing = observer(content.actuator, method, every, content.calibration, zero, supply_std=share)

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clutchid.errors import DataError
 from clutchid.measurements.live.bus_name import bus_name
 from clutchid.names import printable
-from clutchid.verbs.options import ReadingText, pressure_option
 
 # imported on use: every command starts with this file
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.measurements.live.arrival import LiveBlock
-    from clutchid.strokes.vented_rest import Zero
+    from clutchid.verbs.reading import Reading
 
 #: Name of standard input.
 STANDARD_INPUT = "-"
@@ -28,34 +27,17 @@ def is_live(log: Path) -> bool:
     return str(log) == STANDARD_INPUT or bus_name(str(log)) is not None
 
 
-@dataclass(frozen=True, slots=True)
-class LiveReading:
-    """A recording that arrives, and how it is observed.
+def arriving(
+    reading: Reading, content: ParameterFile, resume: Path | None, stopped: Callable[[], bool]
+) -> Generator[LiveBlock]:
+    """Blocks of a recording as they arrive, with a duty cycle for both valves of the model, until `stopped`.
 
-    Attributes
+    Parameters
     ----------
-    log
-        `-` or ``can:CHANNEL``.
-    files
-        Options of reading.
-    method, zero
-        As of `clutchid.observe`.
+    reading
+        Of `-` or ``can:CHANNEL``.
     resume
         State to go on from.
-    supply_std
-        As of `clutchid.observe`.
-    """
-
-    log: Path
-    files: ReadingText
-    method: str
-    zero: Zero
-    resume: Path | None
-    supply_std: float | None
-
-
-def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[], bool]) -> Generator[LiveBlock]:
-    """Blocks of a recording as they arrive, with a duty cycle for both valves of the model, until `stopped`.
 
     Raises
     ------
@@ -70,16 +52,16 @@ def arriving(reading: LiveReading, content: ParameterFile, stopped: Callable[[],
     from clutchid.observer.state_file import saved_origin
     from clutchid.parameters import known_ambient
 
-    log, files = reading.log, reading.files
-    channels = None if files.map is None else read_map(files.map)
-    ambient = pressure_option(files.ambient) or known_ambient(content.actuator.parameters.P_0) or AMBIENT
+    (log,) = reading.files
+    channels = read_map(reading.channels) if isinstance(reading.channels, Path) else None
+    ambient = reading.ambient or known_ambient(content.actuator.parameters.P_0) or AMBIENT
     equipment = content.actuator.equipment
     required = ("time", "position", *equipment.recorded)
-    origin = None if reading.resume is None else saved_origin(reading.resume)
+    origin = None if resume is None else saved_origin(resume)
     if (bus := bus_name(str(log))) is not None:
         frames = from_bus(bus, stopped)
         name = printable(bus.channel)
-        blocks = bus_blocks(frames, name, tuple(files.dbc or ()), channels, ambient, required, origin)
+        blocks = bus_blocks(frames, name, tuple(map(Path, reading.dbc)), channels, ambient, required, origin)
     else:
         if sys.stdin is None:
             raise DataError(

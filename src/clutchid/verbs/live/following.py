@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from clutchid.errors import DataError, ExportError
 from clutchid.systems import HANG_UPS, STOPS
-from clutchid.verbs.live.arriving import LiveReading, arriving
+from clutchid.verbs.live.arriving import arriving
 from clutchid.verbs.live.files import FileTroubles, Outputs, left_by_earlier_run
 from clutchid.verbs.live.streams import Stopped, published_lines, say_unhurried
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from clutchid.measurements.live.arrival import LiveBlock
     from clutchid.observer.live import LiveRun
     from clutchid.observer.run import ObservedRecording
+    from clutchid.verbs.observing import ObserveRequest
+    from clutchid.verbs.reading import Reading
 
 #: Time in s from one saved state to the next; as much is lost where the power is.
 MINUTE = 60.0
@@ -55,7 +57,9 @@ class Followed(NamedTuple):
     said: frozenset[str]
 
 
-def follow_live(reading: LiveReading, content: ParameterFile, outputs: Outputs, *, say_checks: bool) -> Followed:
+def follow_live(
+    reading: Reading, content: ParameterFile, request: ObserveRequest, outputs: Outputs, *, say_checks: bool
+) -> Followed:
     """Follow a live recording until it ends or is stopped, publish its results, and write all files.
 
     Parameters
@@ -74,14 +78,12 @@ def follow_live(reading: LiveReading, content: ParameterFile, outputs: Outputs, 
 
     if outputs.out.suffix.lower() not in SPOOLED:
         raise ExportError(f"--out {outputs.out}: a live recording is written as {' or '.join(SPOOLED)}, in any length.")
-    files, left = FileTroubles(), left_by_earlier_run(outputs, reading.resume)
+    files, left = FileTroubles(), left_by_earlier_run(outputs, request.resume)
     with stop_signals() as stopped:
-        with closing(arriving(reading, content, stopped)) as blocks:
+        with closing(arriving(reading, content, request.resume, stopped)) as blocks:
             first = next(blocks)
-            observer, state = observer_of(
-                first.log, content, reading.method, reading.resume, reading.zero, reading.supply_std
-            )
-            if reading.resume is not None:  # what comes again
+            observer, state = observer_of(first.log, content, request, reading.zero)
+            if request.resume is not None:  # what comes again
                 files.cut(left, float(first.log.time[0]))
             run, fault, said = _observed(
                 live_run(observer, state), chain([first], blocks), outputs, files, stopped, say_checks=say_checks
