@@ -1,11 +1,13 @@
 """How much more the scores of the blocks of a recording scatter than their information says."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from clutchid.inference.smoother import residuals
 from clutchid.inference.smoother.problem import linearise
 from clutchid.inference.smoother.residuals import LOAD_FACTOR, dispersion
 from clutchid.inference.smoother.search import settled
@@ -80,3 +82,15 @@ def test_errors_that_repeat_within_a_block_count_by_their_square(clean, white, d
 def test_where_nothing_is_determined_or_there_is_one_block_it_is_1(clean, white, dispersion_of):
     assert dispersion_of(STD * white[0][:3000], ("K_stop",)) == 1.0, "the stop is not reached"
     assert dispersion_of(STD * white[0][:90]) == 1.0
+
+
+def test_few_blocks_of_white_residuals_scatter_as_their_information_says_in_the_mean(monkeypatch):
+    """The mean score is that of the blocks themselves, which takes a degree of freedom: of four, a quarter."""
+    rng, blocks, draws = np.random.default_rng(2), 4, 400
+    rows = rng.standard_normal((6, 3))
+    white = rng.standard_normal((draws, blocks, 6, 1))
+    factors = iter([[np.hstack([rows, error]) for error in drawn] for drawn in white])
+    monkeypatch.setattr(residuals, "_block_factors", lambda *_: next(factors))
+    scatter = [dispersion(None, SimpleNamespace(chains=[None])) / LOAD_FACTOR for _ in range(draws)]
+    # each is a mean of 9 squares; three deviations of their mean
+    assert np.mean(scatter) == pytest.approx(1.0, abs=3.0 * np.sqrt(2.0 / 9.0 / draws))
