@@ -193,6 +193,7 @@ def test_names_limits_and_references_are_sound(exported: Exported) -> None:
 def test_units_are_those_of_a_workshop(exported: Exported) -> None:
     assert re.search(r"MEASUREMENT release\.pressure_a .* release\.kPa 0 0 0 1\d{3}", exported.text)
     assert 'release.mm "" LINEAR "%12.6" "mm"\n      COEFFS_LINEAR 1000 0' in exported.text
+    assert 'release.kPa "" LINEAR "%12.6" "kPa"\n      COEFFS_LINEAR 0.001 0' in exported.text
     assert re.search(r"VALUE 0x0 release\.value 0 release\.dm3_s_bar 0 1000\n", exported.text)
 
 

@@ -22,7 +22,7 @@ from clutchid.exports.parity import (
     samples_of,
     trial_drive,
 )
-from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.model import Actuator, Load
 from clutchid.observer import observe, observer, start
@@ -78,9 +78,11 @@ def faulty(log):
 def observer_of(switched, log):
     """The observer of a method, with all that a calibration can tell it."""
     conditions = RecordedConditions(temperature=290.0, supply=9.5e5, supply_estimated=switched.value("P_S"))
+    weights = switched.load.names
+    errors = PositionOnlyErrors(((),), weights, np.full((1, len(weights)), 20.0), np.zeros(1))
     calibration = Calibration(
         (), np.zeros((0, 0)), conditions=conditions, nis=0.05, rest=vented_rest(log.slice(0, 4000)),
-        travel=Travel(0.9 * log.reach()),
+        travel=Travel(0.9 * log.reach()), position_only=errors,
     )  # fmt: skip
     return cache(lambda method: observer(switched, method, calibration=calibration))
 
@@ -114,10 +116,22 @@ def test_in_double_everything_is_alike_up_to_rounding(found_by, faulty, method):
     assert compared.flags == {}
     assert compared.holds(CStyle(real="double"))
     assert max(d.value for d in compared.differences if d.unit == "m") < 1e-9
+    assert max(d.value for d in compared.differences if d.unit == "N") < 1e-5, "the band of the load"
     seen = {name: int(count) for name, count in zip(FLAGS, outputs.health, strict=True) if count}
     assert {"position_missing", "position_frozen", "position_beyond_stops", "duty_missing", "time_missing"} < set(seen)
     assert {"outlier", "rest_moved", "travel_unlike"} < set(seen)
     assert np.nanmax(outputs.outputs[:, RESULT_COLUMNS.index("rest")]) > 3e-4
+
+
+def test_a_supply_that_is_not_recorded_widens_the_band_of_the_pressure_alike(found_by, observer_of, log):
+    alone, estimator = log.without("pressure_supply"), observer_of("joint")
+    outputs, compared = found_by("joint", CStyle(real="double"), alone)
+    _, samples = observe(estimator, start(estimator), alone)
+    deviations = samples.deviations[:, estimator.actuator.states.index("p_A")]
+    corrected = np.isfinite(deviations)
+    of_c = outputs.outputs[corrected, RESULT_COLUMNS.index("pressure_a_std")]
+    assert compared.holds(CStyle(real="double"))
+    assert of_c == pytest.approx(deviations[corrected], rel=1e-6)
 
 
 def test_in_float_the_load_is_that_of_double_also_with_faults(found_by, log, faulty):
