@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import errno
-import mmap
 import os
 import platform
 import re
@@ -216,12 +215,6 @@ def is_private(folder: Path) -> bool:
         return True
     status = folder.stat() if folder.is_symlink() else folder.lstat()
     return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o022
-
-
-def forget(pages: mmap.mmap) -> None:
-    """Release memory of file-backed pages, where the system can."""
-    if hasattr(pages, "madvise") and hasattr(mmap, "MADV_DONTNEED"):
-        pages.madvise(mmap.MADV_DONTNEED)
 
 
 def reserve(file: BinaryIO, size: int) -> None:

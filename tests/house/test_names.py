@@ -17,7 +17,6 @@ INTERFACES = {
     "the page's record of it, reached as `records.NAME`": ("Export", "Observation", "Recording", "Table"),
     "a program": ("app", "main"),
     "a format of files": ("open_file", "save"),
-    "a version of MATLAB's files": ("contents", "opened"),
     "a method of a fit": ("evaluated", "problem_of", "result", "search"),
     "processes of one machine or of a cluster": ("results",),
     "rows of a document": ("rows_of",),

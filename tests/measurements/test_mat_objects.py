@@ -5,12 +5,11 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 from scipy.io.matlab import MatlabOpaque
 
 from clutchid.measurements.formats.mat import file as mat_file
-from clutchid.measurements.formats.mat.loaded import class_object, node
-from fixtures.sources import called, numbers_of
+from clutchid.measurements.formats.mat.contents import Contents
+from fixtures.sources import numbers_of
 
 N = 40
 T = np.arange(N) / 1000
@@ -128,6 +127,14 @@ def test_a_timeseries_is_a_struct_of_time_and_data(saved, regular):
     np.testing.assert_array_equal(named["ts.data"][1], Y)
 
 
+def test_a_string_is_a_text_such_as_a_unit(saved):
+    from matio.utils.converters.matstring import string_to_mat
+
+    unit = made("string", **string_to_mat(np.array([["mm"]])))
+    (named,) = read(saved(t=column(T), y=column(Y), y_unit=unit))
+    assert named["y"][0] == "mm"
+
+
 def test_an_object_of_another_class_is_told_with_what_to_do(saved):
     source = saved(y=column(Y), model=made("custom.Governor", gain=column([1.0])), broken=made("duration", x=column(T)))
     assert [list(named) for named in read(source)] == [["y"]]
@@ -157,18 +164,6 @@ def test_without_mat_io_objects_are_told_with_what_to_do(saved, monkeypatch, ver
 def test_the_class_of_an_object_is_named_by_whatever_scipy_calls_its_field(fields, values):
     value = np.empty(1, dtype=[(name, "O") for name in fields])
     value[0] = values
-    assert node(value.view(MatlabOpaque)) == class_object("duration")
-
-
-def test_simulinks_dataset_and_timeseries_as_structs(tmp_path):
-    # struct(ts), and a dataset whose elements are structs
-    series = {"Time": T[:, None], "Data": Y[:, None], "Name": "stroke", "DataInfo": {"Units": "mm"}}
-    element = {"Name": "pressure", "Values": {"Time": T[:20, None], "Data": Y[:20, None]}}
-    cell = np.empty((1, 1), dtype=object)
-    cell[0, 0] = element
-    savemat(tmp_path / "run.mat", {"ts": series, "logsout": cell})
-    source = mat_file.open_file(tmp_path / "run.mat")
-    assert source.problems == ()
-    assert called(source) == [["ts.Time", "ts.Data"], ["logsout{1}.Values.Time", "logsout{1}.Values.Data"]]
-    assert source.rasters[0].headings[1].unit == "mm"
-    np.testing.assert_array_equal(read(source)[1]["logsout{1}.Values.Data"][1], Y[:20])
+    contents = Contents()
+    contents.add(("x",), value.view(MatlabOpaque))
+    assert contents.objects == {"duration": [("x",)]}

@@ -9,17 +9,22 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import Any
 
 from clutchid.errors import DataError, ExportError
 from clutchid.log import FloatArray, Log, name_and_unit
-from clutchid.measurements.formats.mat import hdf5, loaded
-from clutchid.measurements.formats.mat.loaded import BrokenMat, CharArray, ReadSamples, Struct
-from clutchid.measurements.formats.mat.objects import with_objects
-from clutchid.measurements.formats.mat.rasters import ArrayChannel, ScannedChannels, rasters_of, signals_of
+from clutchid.measurements.formats.mat.contents import (
+    ArrayChannel,
+    BrokenMat,
+    Contents,
+    ItemPath,
+    contents,
+    opened_variables,
+)
+from clutchid.measurements.formats.mat.signals import matlab_path, rasters_of, signals_of
 from clutchid.measurements.source import BLOCK, Places, Source, Table, own_metadata, refused
 from clutchid.messages import listed, shortened
 from clutchid.names import printable
@@ -36,8 +41,6 @@ _SHOWN = 3
 #: Samples that a variable of a MATLAB 5 file may have.
 _LONGEST = (2**31 - 1) // 8
 
-_NO_MEMORY = "needs more memory than there is; save it with '-v7.3', which is read piece by piece."
-
 #: What makes numbers of the objects of a class in MATLAB; `x` is the object.
 _IN_MATLAB = {
     "timeseries": "s = struct('time', x.Time, 'data', x.Data)",
@@ -52,20 +55,10 @@ _IN_MATLAB = {
 }
 
 
+_V4, _V73 = "MATLAB 4", "MATLAB 7.3"
+
 #: Matrices of a result of Modelica tools, whose channels have their names in another matrix.
 _MODELICA = {"Aclass", "name", "dataInfo"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Version:
-    name: str
-    contents: Callable[[Path], Struct]
-    opened: Callable[[Path], AbstractContextManager[ReadSamples]]
-
-
-_V4 = _Version("MATLAB 4", loaded.contents, loaded.opened)
-_V5 = _Version("MATLAB 5", loaded.contents, loaded.opened)
-_V73 = _Version("MATLAB 7.3", hdf5.contents, hdf5.opened)
 
 
 def is_mat(head: bytes) -> bool:
@@ -82,10 +75,10 @@ def is_mat(head: bytes) -> bool:
 def open_file(path: Path) -> Source:
     """The vectors of a MATLAB file, in rasters of those that share a time vector.
 
-    A raster is the vectors of one length in a struct (the file itself is one): its clock is the vector called `t`,
-    `time`, `zeit`, `tout` or alike whose samples run on. Vectors of structs without time belong to the struct around
-    them; what has no time anywhere has no clock. Matrices are channels ``name(:,1)``, ``name(:,2)``, ...; if no time
-    vector is as long, and the first of them grows strictly, then it is their clock.
+    The clock of a vector is the one called `t`, `time`, `zeit`, `tout` or alike whose samples run on, of its length, in
+    the nearest struct around it (the file itself is one); else one such as `pos_time` whose other words it has. What
+    has no time anywhere has no clock. Matrices are channels ``name(:,1)``, ``name(:,2)``, ...; if no time vector is as
+    long, and the first of them grows strictly, then it is their clock.
 
     Parameters
     ----------
@@ -112,9 +105,7 @@ def open_file(path: Path) -> Source:
     try:
         return _source(path, version, head)
     except BrokenMat as error:
-        return refused(path, version.name, str(error))
-    except MemoryError:
-        return refused(path, version.name, _NO_MEMORY)
+        return refused(path, version, str(error))
 
 
 def save(log: Log, path: Path) -> None:
@@ -143,11 +134,11 @@ def _variable(name: str) -> str:
     return name.replace(" ", "_")
 
 
-def _version(head: bytes) -> _Version | None:
+def _version(head: bytes) -> str | None:
     if any(head[at : at + len(_HDF5)] == _HDF5 for at in (0, 512)):
         return _V73
     if head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00"):
-        return _V5
+        return "MATLAB 5"
     return _V4 if _is_v4(head) else None
 
 
@@ -163,65 +154,56 @@ def _is_v4(head: bytes) -> bool:
     return False
 
 
-def _source(path: Path, version: _Version, head: bytes) -> Source:
-    root = with_objects(path, version.contents(path))
-    if root.fields.keys() >= _MODELICA:
-        return refused(path, version.name, "is a result of a Modelica tool; export its variables as CSV.")
-    key = _KEY if _KEY in root.fields else _EARLIER
-    mark = root.fields.get(key)
-    own = own_metadata(mark.text) if isinstance(mark, CharArray) else None
-    root = Struct({name: node for name, node in root.fields.items() if own is None or name != key})
-    with version.opened(path) as read:
+def _source(path: Path, version: str, head: bytes) -> Source:
+    with opened_variables(path, hdf5=version == _V73) as variables:
+        whole = contents(path, variables)
+        if {at[0] for at in (*whole.texts, *(array.path for array in whole.arrays))} >= _MODELICA:
+            return refused(path, version, "is a result of a Modelica tool; export its variables as CSV.")
+        key = next((key for key in (_KEY, _EARLIER) if (key,) in whole.texts), "")
+        own = own_metadata(whole.texts.get((key,)))
+        if own is not None:
+            del whole.texts[key,]
 
         def peek(signal: ArrayChannel) -> FloatArray:
-            return read(signal.numbers, signal.column, 0, min(signal.numbers.samples, BLOCK))
+            return signal.samples(variables, 0, min(signal.size, BLOCK))
 
-        channels = signals_of(root, peek, least=2 if own is None else 0)
-    rasters = rasters_of(channels)
-    objects, others = _objects(channels), _left_out(channels)
+        grids = rasters_of(signals_of(whole, least=2 if own is None else 0), peek)
+    rasters, warnings = tuple(raster for raster, _ in grids), _left_out(whole)
     if not rasters:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
-        return refused(path, version.name, objects or nothing, *others)
-    header = "" if version is _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
-    warnings = (objects, *others) if objects else others
+        problem, *others = warnings if whole.objects else (nothing, *warnings)
+        return refused(path, version, problem, *others)
+    header = "" if version == _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
     metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
-        size, signals = rasters[raster].size, channels.groups[raster][1]
-        with _named(path), version.opened(path) as read:
-            for start in range(0, max(size, 1), rows or max(size, 1)):
-                stop = min(start + (rows or size), size)
-                numbers = {i: read(signals[i].numbers, signals[i].column, start, stop) for i in columns}
-                yield Table(rasters[raster].headings, numbers, stop - start, Places("sample", start + 1))
+        size, signals = rasters[raster].size, grids[raster][1]
+        again: AbstractContextManager[Mapping[str, Any]] = (
+            opened_variables(path, hdf5=True) if version == _V73 else nullcontext(variables)
+        )
+        try:
+            with again as file:
+                for start in range(0, max(size, 1), rows or max(size, 1)):
+                    stop = min(start + (rows or size), size)
+                    numbers = {i: signals[i].samples(file, start, stop) for i in columns}
+                    yield Table(rasters[raster].headings, numbers, stop - start, Places("sample", start + 1))
+        except BrokenMat as error:
+            raise DataError(f"{path}: {error}") from error
 
-    return Source(path, version.name, rasters, tables, (), warnings, metadata)
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Errors inside the file as errors that name it."""
-    try:
-        yield
-    except BrokenMat as error:
-        raise DataError(f"{path}: {error}") from error
-    except MemoryError as error:
-        raise DataError(f"{path}: {_NO_MEMORY}") from error
+    return Source(path, version, rasters, tables, (), warnings, metadata)
 
 
-def _left_out(scanned: ScannedChannels) -> tuple[str, ...]:
-    """Sentences about items that are no channels, one for each kind but objects."""
-    kinds = [(what.what, paths) for what, paths in scanned.left.items() if not what.class_name]
-    return tuple(f"left out {what} ({len(paths):,}): {_some(paths)}." for what, paths in kinds)
+def _left_out(whole: Contents) -> tuple[str, ...]:
+    """Sentences about items that are no channels, the first about objects if there are any."""
+    left = tuple(f"left out {what} ({len(paths):,}): {_some(paths)}." for what, paths in whole.left.items())
+    return (_objects(whole.objects), *left) if whole.objects else left
 
 
-def _objects(scanned: ScannedChannels) -> str:
-    """Sentence about the objects of classes, and how MATLAB makes numbers of them; empty where there is none."""
-    paths = {what.class_name: paths for what, paths in scanned.left.items() if what.class_name}
-    if not paths:
-        return ""
-    shown = [f"{_some(names)} ({shortened(printable(kind))})" for kind, names in paths.items()]
-    kind = next((kind for kind in _IN_MATLAB if kind in paths), "")
-    x = f"with x = {printable(paths[kind][0])}, " if kind else ""
+def _objects(objects: Mapping[str, Sequence[ItemPath]]) -> str:
+    """Sentence about the objects of classes, and how MATLAB makes numbers of them."""
+    shown = [f"{_some(paths)} ({shortened(printable(kind))})" for kind, paths in objects.items()]
+    kind = next((kind for kind in _IN_MATLAB if kind in objects), "")
+    x = f"with x = {printable(matlab_path(objects[kind][0]))}, " if kind else ""
     how = _IN_MATLAB.get(kind, "copy the numbers in them to a struct s")
     return (
         f"left out objects, which only MATLAB can read: {listed(shown, _SHOWN)}; "
@@ -229,6 +211,6 @@ def _objects(scanned: ScannedChannels) -> str:
     )
 
 
-def _some(paths: Sequence[str]) -> str:
+def _some(paths: Sequence[ItemPath]) -> str:
     """The first of the paths, and the count of the rest."""
-    return listed((f"'{shortened(printable(path))}'" for path in paths), _SHOWN)
+    return listed((f"'{shortened(printable(matlab_path(path)))}'" for path in paths), _SHOWN)
