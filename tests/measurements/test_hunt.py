@@ -133,6 +133,23 @@ def test_timetables_of_a_file_share_one_zero(hunt):
     assert log.edges["duty_supply"][0][0] == pytest.approx(0.13, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("name", "columns"),
+    [
+        ("51_groups", ["DG0_position", "DG1_duty_supply", "DG1_duty_exhaust"]),
+        ("52_time_value", ["position(:,2)", "duty_supply(:,2)", "duty_exhaust(:,2)"]),
+    ],
+)
+def test_each_signal_of_a_matlab_file_has_its_own_time(hunt, name, columns):
+    """51, 52: the valves at half the rate, 8 ms later."""
+    units = {"position": "mm", "duty_supply": "%", "duty_exhaust": "%"}
+    channels = {name: Channel(text, unit=units[name]) for name, text in zip(units, columns, strict=True)}
+    log = read(hunt / f"{name}.mat", channels=ChannelMap(channels))
+    assert np.allclose(np.diff(log.time), 0.008, rtol=0, atol=1e-9)
+    assert 0.022 < log["position"].max() < 0.023
+    assert log.time[np.argmax(log["duty_supply"] > 0.5)] == pytest.approx(0.312, abs=1e-9)
+
+
 def test_a_bracket_that_is_an_index_is_no_unit_where_a_row_of_units_stands(hunt, drive):
     """26g."""
     names = {"time": "Time", "position": "POS[1]", "duty_supply": "PWM[0]", "duty_exhaust": "PWM[1]"}

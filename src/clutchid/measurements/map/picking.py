@@ -70,7 +70,11 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
     A channel with a unit or a name of another quantity is no time, even if it increases.
     """
     heading = next((heading for heading in raster.headings if heading.index == raster.clock), None)
-    if heading is None or heading.name not in (None, "time") or (heading.unit is None and means_no_time(heading.text)):
+    if (
+        heading is None
+        or heading.name not in (None, "time")
+        or ((heading.name or heading.unit) is None and means_no_time(heading.text))
+    ):
         return None, ""
     named = unit_at_end(heading.text, "s")
     unit = heading.unit or named or "s"
