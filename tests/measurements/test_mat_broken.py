@@ -1,6 +1,5 @@
 """MATLAB files that are cut off, damaged, or made to do harm: one sentence each."""
 
-import io
 import re
 import struct
 import tracemalloc
@@ -8,35 +7,26 @@ import zlib
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 
 from clutchid.measurements.formats.mat import file as mat_file
-
-T = np.arange(60) / 1000
-
-
-def good(form):
-    """The bytes of a sound file."""
-    signals = np.zeros((1, 2), dtype=[("values", "O"), ("label", "O")])
-    for i in range(2):
-        signals[0, i] = (np.sin(T + i)[:, None], "ab"[i])
-    variables = {"t": T, "m": np.c_[T, T, T], "name": "run 7", "z": T + 1j}
-    if form == "7.3":
-        h5py = pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
-        stream = io.BytesIO()
-        with h5py.File(stream, "w", userblock_size=512, libver="earliest") as file:
-            for name in ("t", "m", "rec/t", "rec/y"):
-                file.create_dataset(name, data=np.atleast_2d(variables.get(name, T).T), chunks=(1, 20), compression=3)
-            file.create_dataset("c", data=np.array([[file["t"].ref]], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
-        return stream.getvalue()
-    if form != "4":
-        variables |= {"x": {"time": T, "signals": signals}, "c": np.array([T, "text"], dtype=object)}
-    stream = io.BytesIO()
-    savemat(stream, variables, format="4" if form == "4" else "5", do_compression=form == "7")
-    return stream.getvalue()
+from fixtures.mat import T, written
 
 
-def test_an_empty_file(tmp_path):
+@pytest.fixture
+def good(tmp_path):
+    """The bytes of a sound file of a version, 7 is the compressed 5."""
+    signals = [{"values": "Y", "label": "a"}, {"values": "-Y", "label": "b"}]
+    tree = {"x": {"time": "T", "signals": signals}, "c": ["T", "text"]}
+
+    def make(form):
+        variables = {"t": "T", "m": "[T,T]", "name": "run 7", "z": "complex", **({} if form == "4" else tree)}
+        options = {"do_compression": True} if form == "7" else {}
+        return written(tmp_path / "good.mat", variables, "4" if form == "4" else "5", **options).read_bytes()
+
+    return make
+
+
+def test_an_empty_file(tmp_path, good):
     path = tmp_path / "run.mat"
     path.write_bytes(b"")
     assert mat_file.open_file(path).problems == ("is no MATLAB file: its header is damaged; copy or save it again.",)
@@ -46,7 +36,7 @@ def test_an_empty_file(tmp_path):
 
 @pytest.mark.parametrize("form", ["4", "5", "7"])
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
-def test_a_truncated_file(tmp_path, form, share):
+def test_a_truncated_file(tmp_path, good, form, share):
     path = tmp_path / "run.mat"
     data = good(form)
     path.write_bytes(data[: int(share * len(data))])
@@ -76,14 +66,14 @@ def problem_within(most, path):
     return problem
 
 
-def test_what_claims_more_than_the_file_can_hold_is_refused_before_anything_is_allocated(tmp_path):
+def test_what_claims_more_than_the_file_can_hold_is_refused_before_anything_is_allocated(tmp_path, good):
     path = tmp_path / "bomb.mat"
     path.write_bytes(good("5")[:128] + compressed(array(1 << 30, 1, bytes(100_000))))
     assert problem_within(8e6, path).startswith("is damaged: 'x' claims 8,589,934,592 bytes of a file of ")
 
 
 @pytest.mark.slow
-def test_two_megabytes_that_inflate_to_two_gigabytes_are_refused_before_they_are_inflated(tmp_path):
+def test_two_megabytes_that_inflate_to_two_gigabytes_are_refused_before_they_are_inflated(tmp_path, good):
     path = tmp_path / "bomb.mat"
     rows = 1 << 28
     head = struct.pack("<II", 14, 8 * rows + 56) + array(rows, 1, b"")[8:-4] + struct.pack("<I", 8 * rows)
@@ -102,7 +92,18 @@ def test_two_megabytes_that_inflate_to_two_gigabytes_are_refused_before_they_are
     assert problem_within(400e6, path) == said
 
 
-def test_arrays_of_one_dimension_are_vectors(tmp_path):
+def test_emoji_in_a_text_are_said(tmp_path, good):
+    path = tmp_path / "run.mat"
+    head = (
+        struct.pack("<IIIIIIiiIIII", 6, 8, 4, 0, 5, 8, 1, 4, 1 | 1 << 16, ord("w"), 16, 7)
+        + "a\U0001f600\N{MICRO SIGN}\0".encode()
+    )
+    path.write_bytes(good("5") + struct.pack("<II", 14, len(head)) + head)
+    (problem,) = mat_file.open_file(path).problems
+    assert "or has emoji in a text, which SciPy cannot read; copy or save it again, or with '-v7.3'." in problem
+
+
+def test_arrays_of_one_dimension_are_vectors(tmp_path, good):
     # as R writes them
     path = tmp_path / "run.mat"
     data = np.arange(60.0).tobytes()
@@ -115,7 +116,7 @@ def test_arrays_of_one_dimension_are_vectors(tmp_path):
 
 
 @pytest.mark.parametrize("form", ["4", "5", "7"])
-def test_a_file_that_changes_after_it_was_opened_gives_what_was_opened(tmp_path, form):
+def test_a_file_that_changes_after_it_was_opened_gives_what_was_opened(tmp_path, good, form):
     path = tmp_path / "run.mat"
     path.write_bytes(good(form))
     source = mat_file.open_file(path)

@@ -286,7 +286,11 @@ def _loaded(path: Path) -> dict[str, Any]:
     with sound("MATLAB"):
         with suppress(TypeError):  # it cannot say the shape of an object
             _check_sizes(whosmat(str(path), appendmat=False), path.stat().st_size)
-        variables = loadmat(str(path), appendmat=False, **codec)
+        try:
+            variables = loadmat(str(path), appendmat=False, **codec)
+        except TypeError as error:
+            what = f"is no whole MATLAB file ({error}), or has emoji in a text, which SciPy cannot read"
+            raise BrokenMat(f"{what}; copy or save it again, or with '-v7.3'.") from error
         if (
             type(variables.get("None")).__name__ == "MatlabOpaque"
         ):  # the name that SciPy before 1.18 gives to all objects

@@ -192,7 +192,7 @@ def _first_column(signal: ArrayChannel, peek: Peek) -> ArrayChannel | None:
 
 
 def _by_words(group: Sequence[ArrayChannel], peek: Peek) -> dict[ArrayChannel, list[ArrayChannel]]:
-    """The signals of each time such as `pos_time` or `DGM1_timestamps`; empty where one has none, or several."""
+    """The signals of each time such as `pos_time` or `DGM1_timestamps`; empty where one has none, or several unlike."""
     words = {signal: _words(".".join(signal.path)) for signal in group}
     owners = {
         time: named - _TIMES
@@ -208,7 +208,7 @@ def _by_words(group: Sequence[ArrayChannel], peek: Peek) -> dict[ArrayChannel, l
             and all(any(_alike(word, other) for other in words[signal]) for word in own)
         }
         nearest = [time for time, rank in ranks.items() if rank == max(ranks.values())]
-        if len(nearest) != 1:
+        if not nearest or any(not np.array_equal(peek(time), peek(nearest[0])) for time in nearest[1:]):
             return {}
         owned[nearest[0]].append(signal)
     return owned
