@@ -291,9 +291,7 @@ def _loaded(path: Path) -> dict[str, Any]:
         except TypeError as error:
             what = f"is no whole MATLAB file ({error}), or has emoji in a text, which SciPy cannot read"
             raise BrokenMat(f"{what}; copy or save it again, or with '-v7.3'.") from error
-        if (
-            type(variables.get("None")).__name__ == "MatlabOpaque"
-        ):  # the name that SciPy before 1.18 gives to all objects
+        if type(variables.get("None")).__name__ == "MatlabOpaque":  # so SciPy before 1.18 calls all objects
             del variables["None"]
             with path.open("rb") as file:
                 parts: list[tuple[str, Any]] = list(varmats_from_mat(file))
