@@ -94,7 +94,7 @@ def signals_of(whole: Contents, least: int) -> list[ArrayChannel]:
 
 
 def _no_channel(array: ArrayChannel, least: int) -> str:
-    """What an array is that holds no channel, in the plural."""
+    """Kind of an array that holds no channel, in the plural; empty of any other."""
     if array.size < least:
         return "single numbers" if array.size else "empty arrays"
     if len(array.sides) > 2:
