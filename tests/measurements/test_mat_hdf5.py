@@ -25,10 +25,12 @@ def made(tmp_path):
 def test_hdf5_without_a_header_of_matlab_is_read(tmp_path):
     path = tmp_path / "run.h5"
     with h5py.File(path, "w") as file:
-        file["t"], file["y"] = T, Y
+        file["t"], file["y"], file["texts"], file["word"] = T, Y, ["a", "b"], "run 7"
+        file["c"] = np.array([file["y"].ref], dtype=h5py.ref_dtype)
     assert mat_file.is_mat(path.read_bytes()[: mat_file.HEAD])
     source = mat_file.open_file(path)
-    assert (source.format, called(source), source.metadata) == ("MATLAB 7.3", [["t", "y"]], {})
+    assert (source.format, called(source), source.metadata) == ("MATLAB 7.3", [["t", "c{1}", "y"]], {})
+    assert source.warnings == ("left out arrays of an unknown kind (2): 'texts', 'word'.",)
     assert [table.size for table in source.tables(0, [0], 700)] == [700, 700, 700, 700, 200]
     np.testing.assert_array_equal(numbers_of(source, 0, 700)["y"], Y)
 

@@ -177,17 +177,15 @@ class Contents:
             self.left[_ELSEWHERE].append(path)
         elif math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
             self.left[f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB"].append(path)
-        elif data.dtype.kind == "O":  # references of a cell, or of a field of the structs in an array
+        elif import_module("h5py").check_ref_dtype(data.dtype):  # a cell, or a field of the structs in an array
             *home, name = path
             for i, reference in enumerate(np.ravel(data[()]), 1):
-                at = (*path, f"{{{i}}}") if class_name else (*home, f"({i})", name)
+                at = (*path, f"{{{i}}}") if class_name or not home else (*home, f"({i})", name)
                 self.add(at, data.file[reference] if reference else None)
         elif class_name == "char":  # several rows are no text that says something of a channel
-            rows = min(data.shape)
-            text = (
-                np.ravel(data[()]).astype("<u2").tobytes().decode("utf-16-le", "replace").strip() if rows == 1 else ""
-            )
-            self.texts[path] = text
+            is_row = min(data.shape) == 1 and data.dtype.kind == "u"
+            letters = np.ravel(data[()]).astype("<u2") if is_row else np.empty(0)
+            self.texts[path] = letters.tobytes().decode("utf-16-le", "replace").strip()
         else:
             self._add_numbers(path, data.dtype, data.shape[::-1], data.name)
 
