@@ -33,9 +33,9 @@ FORMATS = (
         opener="mdf.file.open_file", frames="can.mf4.mdf_frames",
     ),
     Format("mat", (".mat", ".h5", ".hdf5"), sign="mat.file.is_mat", opener="mat.file.open_file"),
-    Format("blf", (".blf",), (b"LOGG",), frames="can.logs.blf_log"),
-    Format("asc", (".asc",), sign="can.logs.is_asc", frames="can.logs.asc_log"),
-    Format("trc", (".trc",), sign="can.logs.is_trc", frames="can.logs.trc_log"),
+    Format("blf", (".blf",), (b"LOGG",), frames="can.blf.blf_log"),
+    Format("asc", (".asc",), sign="can.texts.is_asc", frames="can.texts.asc_log"),
+    Format("trc", (".trc",), sign="can.texts.is_trc", frames="can.texts.trc_log"),
     Format("candump", (".log",), sign="can.texts.is_candump", frames="can.texts.candump_log"),
     Format("jsonl", (".jsonl", ".ndjson"), sign="json_lines.is_json_lines", opener="json_lines.open_file"),
 )  # fmt: skip

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import logging
-from codecs import BOM_UTF8
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -119,60 +117,6 @@ def frame_of(message: can.Message) -> Frame | str:
     return Frame(message.timestamp, bus, message.arbitration_id, message.is_extended_id, data, not message.is_rx)
 
 
-#: The fields of a frame besides its stamp.
-FrameFields = tuple[int, int, bool, bytes, bool]
-
-#: The stamp in s of a line, and the other fields of its frame; a text says what holds no payload, if anything.
-FrameLine = tuple[float, FrameFields | str]
-
-#: What stands for a line that is no frame and cannot be read as one.
-UNREADABLE = "unreadable line"
-
-
-def whole(payload: bytes, length: int) -> bytes:
-    """The payload of a line that says its length; that of FD may be a code.
-
-    Raises
-    ------
-    ValueError
-        If the line was cut off in it.
-    """
-    if len(payload) < min(length, CLASSIC):
-        raise ValueError(f"{len(payload)} of {length} bytes")
-    return payload
-
-
-def text_log(
-    form: str,
-    start: datetime | None,
-    path: Path,
-    parse: Callable[[str], FrameLine | None],
-    *,
-    between: bool = False,
-) -> FrameLog:
-    """The log of a text with a frame a line.
-
-    A line that is parsed has its end; only the last one of a file that was cut off has none.
-
-    Stamps count from the line before where they are times `between` lines.
-    """
-
-    def frames() -> Iterator[Frame | str]:
-        now = 0.0
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            for line in filter(str.strip, file):
-                try:
-                    parsed = parse(line)
-                except (ValueError, LookupError):
-                    parsed = None
-                stamp, fields = parsed or (0.0, UNREADABLE)
-                now = now + stamp if between else stamp
-                if fields:
-                    yield fields if isinstance(fields, str) else Frame(now, *fields)
-
-    return FrameLog(form, start, lambda: in_blocks(frames()))
-
-
 def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Frames]:
     """Frames in blocks of at most `size`; texts among them are counted as left out.
 
@@ -183,10 +127,8 @@ def in_blocks(frames: Iterable[Frame | str], size: int = FRAMES) -> Iterator[Fra
     failures: list[Exception] = []
     items = _until_failure(frames, failures)
     while part := list(islice(items, size)):
-        yield _block(
-            [frame for frame in part if isinstance(frame, Frame)],
-            Counter(text for text in part if isinstance(text, str)),
-        )
+        rows = [frame for frame in part if isinstance(frame, Frame)]
+        yield _block(rows, Counter(text for text in part if isinstance(text, str)) if len(rows) < len(part) else {})
     if failures:
         raise failures[0]
 
@@ -203,19 +145,14 @@ def _block(rows: Sequence[Frame], left_out: Mapping[str, int]) -> Frames:
     stamp, bus, identifier, extended, data, sent = zip(*rows, strict=True) if rows else ((),) * 6
     return Frames(
         np.array(stamp, dtype=np.float64),
-        np.array([min(number, LARGEST_BUS) for number in bus], dtype=np.int64),
-        np.array([number & 0x1FFFFFFF for number in identifier], dtype=np.int64),
+        np.minimum(np.array(bus, dtype=np.int64), LARGEST_BUS),
+        np.array(identifier, dtype=np.int64) & 0x1FFFFFFF,
         np.array(extended, dtype=np.bool_),
-        np.array([min(len(payload), FD) for payload in data], dtype=np.int64),
+        np.minimum(np.array(list(map(len, data)), dtype=np.int64), FD),
         np.array(sent, dtype=np.bool_),
         as_payload(data),
         left_out,
     )
-
-
-def first_lines(head: bytes) -> list[str]:
-    """Lines of the first bytes of a file."""
-    return head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
 
 
 @contextmanager

@@ -1,11 +1,17 @@
-"""Logs of candump in its forms, a line a frame."""
+"""Logs of frames as text, a line a frame: candump, ASC of Vector, TRC of PEAK (versions 1.0 to 2.1).
+
+Each form is a table of patterns by what a line with such a pattern is; the first pattern that fits a line counts.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from codecs import BOM_UTF8
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from functools import lru_cache, partial
 from itertools import count, islice
@@ -14,19 +20,83 @@ from pathlib import Path
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.measurements.formats.can.frames import FrameLine, FrameLog, first_lines, text_log, whole
-from clutchid.measurements.formats.csv.cells import nanoseconds, plain_number
+from clutchid.measurements.formats.can.frames import CLASSIC, FD, Frame, FrameLog, in_blocks
+from clutchid.measurements.formats.csv.cells import MONTHS, nanoseconds, plain_number
 
-_EPOCH = datetime(1970, 1, 1)
+#: What a line may be: a frame, what holds no payload and is counted by its name, and an event on the bus or a remark.
+_FRAME, _REMOTE, _UNREADABLE, _EVENT = "frame", "remote frame", "unreadable line", ""
+
+#: Cells of a line, whichever columns a form has. A length of more than 8 bytes may be a code, which is not read.
+_HEX = "[0-9A-Fa-f]"
+_WAY = "(?P<way>[RTrt][Xx])"
+_BUS = r"(?P<bus>\d{1,9})"
+_LENGTH = rf"(?:(?P<length>[0-8])|{_HEX}{{1,2}})\b"
+_DATA = r"(?P<data>[\s0-9A-Fa-f]*)(?!\w)"
 
 #: A line of candump: `-L` writes ``(stamp) can0 123#0102``, the others ``(stamp)  can0  123   [2]  01 02``.
-_CANDUMP = re.compile(
-    r"\s*(?:\((?P<stamp>[\d.:\- ]{1,40})\)\s+)?(?P<bus>[A-Za-z][\w.-]{0,30})\s+(?:(?P<way>TX|RX)\s[\s\-BE]*)?"
-    r"(?P<id>[0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})"
-    r"(?:#(?:#[0-9A-Fa-f])?(?P<data>(?:[0-9A-Fa-f]{2})*)(?P<remote>R\d?)?(?:\s+(?P<sent>[RT]))?"
-    r"|\s+\[(?P<length>\d{1,2})\](?:\s+(?P<bytes>[0-9A-Fa-f]{2}(?: [0-9A-Fa-f]{2})*)(?:\s+'.*')?"
-    r"|\s+(?P<request>remote request))?)\s*"
+_CANDUMP_STAMP = r"\s*\((?P<stamp>[\d.:\- ]{1,40})\)\s+"
+_CANDUMP_BUS = r"\s*(?P<bus>[A-Za-z][\w.-]{0,30})\s+"
+_CANDUMP_WAY = r"(?:(?P<way>TX|RX)\s[\s\-BE]*)?"
+_CANDUMP_ID = rf"(?P<id>{_HEX}{{3}}|(?P<extended>{_HEX}{{8}}))"
+_CANDUMP_LINES = (
+    (_FRAME, rf"{_CANDUMP_BUS}{_CANDUMP_ID}#(?:#{_HEX})?(?P<data>(?:{_HEX}{{2}})*)(?:\s+(?P<way>[RT]))?\s*$"),
+    (_FRAME, rf"{_CANDUMP_BUS}{_CANDUMP_WAY}{_CANDUMP_ID}\s+\[(?P<length>\d{{1,2}})\]{_DATA}(?:'.*')?\s*$"),
+    (_REMOTE, rf"{_CANDUMP_BUS}{_CANDUMP_ID}#{_HEX}*R\d?(?:\s+[RT])?\s*$"),
+    (_REMOTE, rf"{_CANDUMP_BUS}{_CANDUMP_WAY}{_CANDUMP_ID}\s+\[\d{{1,2}}\]\s+remote request\s*$"),
 )
+
+#: A line of ASC, classic or FD; the request of a frame (TxRq) is an event, as the frame follows when it is sent.
+_ASC_STAMP = r"\s*(?P<stamp>-?\d{1,15}\.\d{1,15})\s+"
+_ASC_ID = rf"(?P<id>{_HEX}{{1,10}})(?P<extended>[Xx])?\s+"
+_ASC_CLASSIC = rf"{_ASC_STAMP}{_BUS}\s+{_ASC_ID}{_WAY}\s+"
+_ASC_FD = rf"{_ASC_STAMP}(?i:CANFD)\s+{_BUS}\s+{_WAY}\s+{_ASC_ID}(?:(?!\d+\s)\S+\s+)?\d+\s+\d+\s+{_HEX}+\s+"
+_ASC_LINES = (
+    (_FRAME, rf"{_ASC_CLASSIC}[Dd]\s+{_LENGTH}{_DATA}"),
+    (_FRAME, rf"{_ASC_FD}(?P<length>[1-9]\d*)\b{_DATA}"),
+    ("error frame", rf"{_ASC_STAMP}(?:\d+|(?i:CANFD)\s+\d+\s+\w+)\s+(?i:ErrorFrame)"),
+    (_REMOTE, rf"{_ASC_CLASSIC}[Rr]"),
+    (_REMOTE, rf"{_ASC_FD}0\b"),
+    (_UNREADABLE, rf"{_ASC_STAMP}(?:\d+\s+\w+\s+[RTrt][Xx]\b|(?i:CANFD\s(?!\s*\d+\s+TxRq\b)))"),
+    (_EVENT, rf"(?:{_ASC_STAMP})?"),
+)
+
+#: Lines at the start of an ASC log; two kinds of them make one, as a table may have a line or a column called Date, and
+#: two lines of frames, the last, as exported from a trace window.
+_ASC_BASE = re.compile(r"\s*base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
+_ASC_SIGNS = (
+    re.compile(r"\s*date\s+\w{2,3}\.?\s+\w{3}\.?\s+\d", re.IGNORECASE),
+    _ASC_BASE,
+    re.compile(r"\s*begin\s+triggerblock\b", re.IGNORECASE),
+    re.compile(r"\s*(?:no\s+)?internal events logged", re.IGNORECASE),
+    re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s+[dr]\b|CANFD\s)", re.IGNORECASE),
+)
+_ASC_HEADER = 40
+
+#: Day and time of a log, or of a block of frames in it, and how they may be written, with the number of the month.
+_ASC_DATE = re.compile(r"\s*(?:date|begin\s+triggerblock)\s+\w+\.?\s+(?P<month>\w{3})\w*\.?\s+(?P<rest>.+)", re.I)
+_ASC_DATES = ("%m %d %I:%M:%S.%f %p %Y", "%m %d %I:%M:%S %p %Y", "%m %d %H:%M:%S.%f %Y", "%m %d %H:%M:%S %Y")
+
+#: Columns of a TRC file by its version, by the letters with which later ones name them: number, offset in ms, bus,
+#: type, direction, identifier, reserved, length, data.
+_TRC_COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,d,I,L,D", "1.2": "N,O,B,d,I,L,D", "1.3": "N,O,B,d,I,R,L,D"}
+_TRC_CELLS = {
+    "O": r"(?P<stamp>\S+)", "T": r"(?:DT|FD|FB|FE|BI)", "B": _BUS, "d": _WAY, "L": _LENGTH, "l": r"(?P<length>\d+)\b",
+    "I": rf"(?!F{{8}}\b)(?P<id>{_HEX}{{1,4}}\b|(?P<extended>{_HEX}{{5,8}}\b))",
+}  # fmt: skip
+
+#: Cells of lines of TRC that are no frames, by their column: an identifier of ones stands for a state of the bus.
+_TRC_EVENTS = {"T": r"(?!DT\b|FD\b|FB\b|FE\b|BI\b|RR\b)\S", "d": r"(?![RTrt][Xx]\b)\S", "I": r"F{8}\b"}
+
+_TRC_MARK = re.compile(rb"^;(?:\$FILEVERSION=|.*Generated by (?:PCAN|PEAK)|-+\+-)", re.MULTILINE)
+_TRC_START = re.compile(r";\s*Start time:\s*(?P<date>\d\d\.\d\d\.\d{4} \d\d:\d\d:\d\d\.\d{3})")
+
+#: Day 0 of the times in a TRC file, which count days.
+_DAY_0 = datetime(1899, 12, 30)
+
+#: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
+#: range, nor from line to line, in this share; those since 1970 are above this.
+_SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
+_EPOCH, _SINCE_2001 = datetime(1970, 1, 1), 1e9
 
 _NO_STAMPS = (
     "is a log of candump without time stamps; record it with `candump -L`, or with `-ta`, `-tz` or `-td` to read "
@@ -42,8 +112,34 @@ def is_candump(head: bytes) -> bool:
     >>> is_candump(b"(1714564800.0) can0 100#E803\\n(1714564800.1) can0 101#00"), is_candump(b"time [s]\\n0")
     (True, False)
     """
-    filled = [line for line in first_lines(head) if line.strip()][:3]
-    return bool(filled) and sum(_CANDUMP.fullmatch(line) is not None for line in filled) >= min(2, len(filled))
+    filled = [line for line in _lines_of(head) if line.strip()][:3]
+    lines = _compiled(_CANDUMP_LINES, f"(?:{_CANDUMP_STAMP})?")
+    count_fitting = sum(any(pattern.match(line) for _, pattern in lines) for line in filled)
+    return bool(filled) and count_fitting >= min(2, len(filled))
+
+
+def is_asc(head: bytes) -> bool:
+    """Whether a file that begins with `head` is an ASC log.
+
+    Examples
+    --------
+    >>> is_asc(b"date Wed Sep 30 15:06:13.191 2017\\nbase hex\\n"), is_asc(b"Date Exported: 10/19/2025\\ntime [s],x")
+    (True, False)
+    """
+    lines = _lines_of(head)[:_ASC_HEADER]
+    counts = [sum(sign.match(line) is not None for line in lines) for sign in _ASC_SIGNS]
+    return sum(number > 0 for number in counts) >= 2 or counts[-1] >= 2
+
+
+def is_trc(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a TRC log.
+
+    Examples
+    --------
+    >>> is_trc(b";$FILEVERSION=1.1\\n;$STARTTIME=44548.6\\n"), is_trc(b";time [s];position [m]")
+    (True, False)
+    """
+    return head.startswith(b";") and _TRC_MARK.search(head) is not None
 
 
 def candump_log(path: Path) -> FrameLog:
@@ -56,65 +152,172 @@ def candump_log(path: Path) -> FrameLog:
     OSError
         If the file cannot be read.
     """
-    with path.open(encoding="utf-8", errors="replace") as file:
-        lines = [line.rstrip("\r\n") for line in islice(file, _SHOWN)]
-    stamps = [match["stamp"] for line in lines if (match := _CANDUMP.fullmatch(line))]
-    if not any(stamps):
+    patterns = _compiled(_CANDUMP_LINES, _CANDUMP_STAMP)
+    matches = [pattern.match(line) for line in _first_lines(path) for _, pattern in patterns]
+    seconds = np.array([_seconds(match["stamp"]) for match in matches if match])
+    if not seconds.size:
         raise DataError(_NO_STAMPS)
-    seconds = np.array([_seconds(stamp) for stamp in stamps if stamp])
-    steps = np.diff(seconds)
-    half = seconds.size // 2
+    steps, half = np.diff(seconds), seconds.size // 2
     grown = half > 0 and seconds[half:].mean() - seconds[:half].mean() > _GROWN * np.ptp(seconds)
     between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _YEAR
-    zero, start = _origin(float(seconds[0]))
+    # whole seconds that stamps count from, so that these keep microseconds
+    zero, start = int(seconds[0]) if seconds[0] > _YEAR else 0, None
+    if zero >= _SINCE_2001:
+        with suppress(OverflowError):
+            start = _EPOCH + timedelta(seconds=zero)
     buses = defaultdict[str, int](count(1).__next__)
-    return text_log("candump", start, path, partial(_candump_line, buses, zero), between=bool(between))
+    lines = _Lines(patterns, seconds=partial(_seconds, zero=zero), bus=buses.__getitem__)
+    return _text_log("candump", start, path, lines, between=bool(between))
 
 
-def _origin(first: float) -> tuple[int, datetime | None]:
-    """Whole seconds that stamps count from, so that these keep microseconds; and that time, if it is after 2001."""
-    if not first > _YEAR:
-        return 0, None
-    if first < _SINCE_2001:
-        return int(first), None
-    try:
-        return int(first), _EPOCH + timedelta(seconds=int(first))
-    except OverflowError:
-        return int(first), None
+def asc_log(path: Path) -> FrameLog:
+    """The frames of an ASC file; stamp 0 is the time of the first block of frames, else that of the header.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    base, relative, start = 16, False, None
+    patterns = _compiled(_ASC_LINES)
+    for line in _first_lines(path):
+        if match := _ASC_BASE.match(line):
+            base = 10 if match["base"].lower() == "dec" else 16
+            relative = (match["kind"] or "").lower() == "relative"
+        elif match := _ASC_DATE.match(line):
+            start = _asc_date(match) or start
+        elif any(kind != _EVENT and pattern.match(line) for kind, pattern in patterns):
+            break
+    return _text_log("ASC", start, path, _Lines(patterns, base=base, longest=CLASSIC), between=relative)
 
 
-#: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
-#: range, nor from line to line, in this share; those since 1970 are above this.
-_SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
-_SINCE_2001 = 1e9
+def _asc_date(match: re.Match[str]) -> datetime | None:
+    written = f"{MONTHS.get(match['month'].casefold())} {match['rest'].strip()}"
+    for form in _ASC_DATES:
+        with suppress(ValueError):
+            return datetime.strptime(written, form)
+    return None
 
 
-def _candump_line(buses: Mapping[str, int], zero: int, line: str) -> FrameLine | None:
-    match = _CANDUMP.fullmatch(line)
-    if match is None or match["stamp"] is None:
-        return None
-    stamp, bus, way, identifier, data, remote, sent, length, spaced, request = match.groups()
-    if remote or request:
-        return _seconds(stamp, zero), "remote frame"
-    payload = whole(bytes.fromhex(data or spaced or ""), int(length or 0))
-    fields = buses[bus], int(identifier, 16), len(identifier) == 8, payload, way == "TX" or sent == "T"
-    return _seconds(stamp, zero), fields
+def trc_log(path: Path) -> FrameLog:
+    """The frames of a TRC file, versions 1.0 to 2.1.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    """
+    header = [line for line in _first_lines(path) if line.startswith(";")]
+    entries = dict(line[2:].strip().split("=", 1) for line in header if line.startswith(";$") and "=" in line)
+    columns = entries.get("COLUMNS", _TRC_COLUMNS.get(entries.get("FILEVERSION", "1.0"), "")).split(",")
+    written = next((date["date"] for line in header if (date := _TRC_START.match(line))), "")
+    start = None
+    with suppress(ValueError):
+        start = datetime.strptime(written, "%d.%m.%Y %H:%M:%S.%f")
+    with suppress(ValueError, OverflowError, KeyError):
+        start = _DAY_0 + timedelta(days=float(entries["STARTTIME"]))
+    lines = _Lines(_compiled(_trc_lines(columns)), seconds=lambda stamp: float(stamp) / 1e3)
+    return _text_log("TRC", start, path, lines)
+
+
+def _trc_lines(columns: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """The patterns of lines with these columns; none is a frame where one that it needs is missing, or comes twice."""
+    twice = len(set(columns)) < len(columns) or {"L", "l"} <= set(columns)
+    if twice or not {"O", "I"} <= set(columns) or columns[-1] != "D":
+        return ((_EVENT, ""),)
+    frame = r"\s+".join(_TRC_CELLS.get(column, r"\S+") for column in columns[:-1])
+    events = [
+        r"\s*" + r"\S+\s+" * columns.index(column) + cell for column, cell in _TRC_EVENTS.items() if column in columns
+    ]
+    return (
+        (_FRAME, rf"\s*{frame}{_DATA}\s*$"),
+        (_EVENT, "|".join([";", *events])),
+        (_REMOTE, r".*\b(?:RR|RTR)\b"),
+    )
+
+
+def _compiled(lines: Iterable[tuple[str, str]], prefix: str = "") -> list[tuple[str, re.Pattern[str]]]:
+    return [(kind, re.compile(prefix + pattern)) for kind, pattern in lines]
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """How lines are read: patterns by what a line is, how stamps and buses count, and the base of numbers.
+
+    A frame whose length is a code has `longest` bytes at most.
+    """
+
+    patterns: Sequence[tuple[str, re.Pattern[str]]]
+    seconds: Callable[[str], float] = float
+    bus: Callable[[str], int] = int
+    base: int = 16
+    longest: int = FD
+
+    def parse(self, line: str) -> tuple[float, Frame | str]:
+        """The stamp of a line in s and its frame, or what the line is where it holds no payload."""
+        for kind, pattern in self.patterns:
+            if match := pattern.match(line):
+                return self._stamped(kind, match.groupdict())
+        return 0.0, _UNREADABLE
+
+    def _stamped(self, kind: str, cells: Mapping[str, str | None]) -> tuple[float, Frame | str]:
+        stamp, written = 0.0, cells.get("stamp")
+        try:
+            stamp = self.seconds(written) if written else 0.0
+            return stamp, self._frame(stamp, cells) if kind == _FRAME else kind
+        except ValueError:
+            return stamp, _UNREADABLE
+
+    def _frame(self, stamp: float, cells: Mapping[str, str | None]) -> Frame:
+        length = cells.get("length")
+        written = (cells["data"] or "").split()[: int(length or self.longest)]
+        payload = bytes.fromhex(" ".join(written)) if self.base == 16 else bytes(map(int, written))
+        if "length" in cells and not int(length or CLASSIC) <= len(payload) == len(written):
+            raise ValueError(f"{len(payload)} of {length} bytes")
+        identifier, way = int(cells["id"] or "", self.base), cells.get("way") or ""
+        extended = cells["extended"] is not None
+        return Frame(stamp, self.bus(cells.get("bus") or "1"), identifier, extended, payload, way[:1] in ("T", "t"))
+
+
+def _text_log(form: str, start: datetime | None, path: Path, lines: _Lines, *, between: bool = False) -> FrameLog:
+    """The log of a text with a frame a line; its stamps count from the line before where they are times `between`."""
+
+    def frames() -> Iterator[Frame | str]:
+        now = 0.0
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            for line in filter(str.strip, file):
+                stamp, item = lines.parse(line)
+                now += stamp
+                if isinstance(item, Frame):
+                    yield item._replace(stamp=now) if between else item
+                elif item:
+                    yield item
+
+    return FrameLog(form, start, lambda: in_blocks(frames()))
+
+
+def _first_lines(path: Path) -> list[str]:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        return list(islice(file, _SHOWN))
+
+
+def _lines_of(head: bytes) -> list[str]:
+    return head.removeprefix(BOM_UTF8).decode("latin-1").splitlines()
 
 
 def _seconds(text: str, zero: int = 0) -> float:
     """A stamp in s from `zero`: a number, or date and time; NaN for any other text."""
-    whole, _, fraction = text.replace(",", ".").partition(".")
+    whole, _, fraction = text.partition(".")
     if whole.isdigit() and fraction.isdigit():
         return int(whole) - zero + float(f"0.{fraction}")
     number = plain_number(text)
     if number is not None:
         return number - zero
-    whole, _, fraction = text.rpartition(".")
-    stamp = _whole_second(whole) if fraction.isdigit() and len(fraction) <= 9 else None
-    if stamp is not None and stamp % 10**9 == 0:
-        return stamp // 10**9 - zero + float(f"0.{fraction}")
-    stamp = nanoseconds(text)
-    return math.nan if stamp is None else stamp // 10**9 - zero + stamp % 10**9 * 1e-9
+    stamp = _whole_second(whole)
+    if stamp is None or not f"0{fraction}".isdigit():
+        return math.nan
+    seconds, rest = divmod(stamp, 10**9)
+    return seconds - zero + rest * 1e-9 + float(f"0.{fraction}")
 
 
 #: Nanoseconds of a date and time to the second, which all frames of a second share.
