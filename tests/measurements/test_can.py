@@ -362,6 +362,13 @@ def test_a_trc_log_of_two_buses_has_its_frames_by_bus_as_it_numbers_them(save, d
     assert [name.partition("CAN")[2][0] for name in speeds] == ["1", "2"]
 
 
+def test_a_log_without_a_whole_frame_says_what_it_holds(save, dbc):
+    lines = "   0.5 1  ErrorFrame\n   0.6 1  100  Rx  d 2 1 2\n   0.7 1  100  Rx  d 8 01\n"
+    source = open_file(save(ASC.rsplit("\n", 6)[0] + "\n" + lines, "run.asc"), [dbc])
+    sentence = "holds no data frames of a CAN bus, only 1 error frame, 2 unreadable lines; record it again."
+    assert source.problems == (sentence,)
+
+
 def test_a_trc_log_without_columns_ends_with_a_sentence(save, dbc):
     source = open_file(save(TRC.replace("=1.1", "=2.1"), "run.trc"), [dbc])
     assert source.problems == ("holds no data frames of a CAN bus; record it again.",)

@@ -16,7 +16,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.files import plain_file
-from clutchid.measurements.formats.can.dbc import Message, read_dbc
+from clutchid.measurements.formats.can.dbc import read_dbc
 from clutchid.measurements.formats.can.frames import Frames, check_python_can, frame_of, in_blocks, quiet
 from clutchid.measurements.formats.can.streams import (
     FrameStream,
@@ -193,7 +193,7 @@ def bus_blocks(
     if not dbc:
         raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
     messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
-    first, layout = _learnt(frames, name, messages, channels, required)
+    first, layout = _learnt(frames, name, catalogue(messages), channels, required)
     layout = layout if origin is None else replace(layout, origin=origin)
     metadata = {"source": name, "ambient_Pa": repr(float(ambient)), "dbc": ", ".join(file.name for file in dbc)}
     batches = (_batch(block, layout, ambient) for block in chain(first, frames))
@@ -203,12 +203,12 @@ def bus_blocks(
 def _learnt(
     frames: Iterator[Frames],
     name: str,
-    messages: Sequence[Message],
+    lookup: MessageCatalogue,
     channels: ChannelMap | None,
     required: Sequence[str],
 ) -> tuple[list[Frames], _BusLayout]:
     """The first frames, and the layout of the bus in them: waits for every signal that is needed."""
-    lookup, first = catalogue(messages), list[Frames]()
+    first: list[Frames] = []
     streams: dict[FrameStream, None] = {}
     origin, latest = np.nan, -np.inf
     while True:
@@ -225,7 +225,7 @@ def _learnt(
         late = block is None or waited >= _PATIENT
         wanted = required if late or waited >= SLOW_MESSAGES or channels is None else (*required, *channels.channels)
         try:
-            rasters, picks = _picked(name, streams_in_order(streams, messages), channels, wanted)
+            rasters, picks = _picked(name, streams_in_order(streams, lookup.messages), channels, wanted)
         except DataError:
             if late:
                 raise

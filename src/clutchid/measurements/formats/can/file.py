@@ -85,18 +85,17 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
     OSError
         If a file cannot be read.
     """
-    messages = frame_streams.by_group(tuple(message for file in dbc for message in read_dbc(file)))
+    lookup = frame_streams.catalogue([message for file in dbc for message in read_dbc(file)])
     try:
         log = log or frame_log(path, kind)
     except DataError as error:
         return refused(path, "CAN log", str(error))
-    lookup = frame_streams.catalogue(messages)
     scanned = _scan(log, lookup)
     metadata = _metadata(log, scanned.origin, dbc)
     undated = () if log.start else ("does not say when it was recorded: its stamps count from its first frame only.",)
-    if problem := _decoding_problem(scanned, dbc, messages):
+    if problem := _decoding_problem(scanned, dbc, lookup.messages):
         return replace(refused(path, log.format, problem, *log.warnings, *undated), metadata=metadata)
-    streams = frame_streams.streams_in_order(scanned.sizes, messages)
+    streams = frame_streams.streams_in_order(scanned.sizes, lookup.messages)
     rasters = frame_streams.stream_rasters(streams, scanned.sizes)
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
@@ -230,7 +229,7 @@ def _stamped(log: FrameLog, scanned: ScannedLog) -> Iterator[Frames]:
 
 
 def _count_unknown(scanned: ScannedLog, frames: Frames) -> None:
-    identifiers, counts = np.unique(frame_streams.keys(frames), return_counts=True)
+    identifiers, counts = np.unique(frame_streams.identifiers(frames), return_counts=True)
     scanned.unknown.update(dict(zip(identifiers.tolist(), counts.tolist(), strict=True)))
     if len(scanned.unknown) > _MOST_UNKNOWN:  # noise: a damaged file can hold any number of them
         scanned.unknown = Counter(dict(scanned.unknown.most_common(_MOST_UNKNOWN // 2)))
@@ -308,26 +307,22 @@ def _joined(parts: Sequence[StreamFrames]) -> StreamFrames:
 def _other_sender(scanned: ScannedLog, messages: Sequence[Message]) -> str:
     """The commonest frame whose identifier differs from that of a message in its last byte only; empty if none."""
     groups = {group_number(message.identifier) for message in messages if message.extended}
-    for key, _ in scanned.unknown.most_common():
-        identifier, extended, _ = frame_streams.key_parts(key)
-        if extended and group_number(identifier) in groups:
-            return f"0x{identifier:08X}"
-    return ""
+    parts = (frame_streams.identifier_parts(number) for number, _ in scanned.unknown.most_common())
+    return next((f"0x{i:08X}" for i, extended in parts if extended and group_number(i) in groups), "")
 
 
 def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequence[Message]) -> str:
     """Reason why a log cannot be decoded, in one sentence; empty where it can."""
+    if scanned.frames == 0 and scanned.damage:
+        return f"{scanned.damage}; copy it again."
     if scanned.frames == 0:
-        return (
-            f"{scanned.damage}; copy it again."
-            if scanned.damage
-            else "holds no data frames of a CAN bus; record it again."
-        )
+        others = listed(_counted(count, what) for what, count in scanned.left_out.items() if count)
+        return f"holds no data frames of a CAN bus{others and f', only {others}'}; record it again."
     if scanned.sizes:
         return ""
-    frames = f"{scanned.frames:,}"
+    frames, identifiers = f"{scanned.frames:,}", _counted(len(scanned.unknown), "identifier")
     if not dbc:
-        return f"holds raw frames ({frames}) of {_identifiers(scanned)}; give the DBC with --dbc FILE."
+        return f"holds raw frames ({frames}) of {identifiers}; give the DBC with --dbc FILE."
     names = ", ".join(file.name for file in dbc)
     if sender := _other_sender(scanned, messages):
         return (
@@ -342,21 +337,24 @@ def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequen
 def _scan_warnings(scanned: ScannedLog, streams: Sequence[frame_streams.FrameStream]) -> list[str]:
     """Sentences about what was left out of a log."""
     warnings = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
-    warnings += [f"{_counted(count, what)} left out." for what, count in scanned.left_out.items() if count]
-    if scanned.echoes:
-        warnings.append(
-            f"{_counted(scanned.echoes, 'frame')} in the log twice, as sent and as received; one of each two is used."
-        )
-    if scanned.fragments:
-        warnings.append(
-            f"{_counted(scanned.fragments, 'frame')} left out: pieces of longer messages (J1939 transport protocol, "
-            "NMEA 2000 fast packets)."
-        )
-    if scanned.unknown:
-        warnings.append(
-            f"{_counted(sum(scanned.unknown.values()), 'frame')} left out, of {_identifiers(scanned)} that no DBC "
-            f"knows; the commonest: {_commonest(scanned.unknown)}."
-        )
+    counts = (
+        *((count, what, "left out.") for what, count in scanned.left_out.items()),
+        (scanned.echoes, "frame", "in the log twice, as sent and as received; one of each two is used."),
+        (
+            scanned.fragments,
+            "frame",
+            "left out: pieces of longer messages (J1939 transport protocol, NMEA 2000 fast packets).",
+        ),
+        (
+            sum(scanned.unknown.values()),
+            "frame",
+            f"left out, of {_counted(len(scanned.unknown), 'identifier')} that no DBC knows; the commonest: "
+            f"{_commonest(scanned.unknown)}.",
+        ),
+    )
+    warnings += [
+        f"{_counted(count, what)} {'is' if count == 1 else 'are'} {rest}" for count, what, rest in counts if count
+    ]
     if short := [f"{count:,} of {name}" for name, count in scanned.short.items() if count]:
         warnings.append(
             f"some frames are shorter than the DBC says ({listed(short)}): the signals that they lack are missing."
@@ -368,22 +366,11 @@ def _scan_warnings(scanned: ScannedLog, streams: Sequence[frame_streams.FrameStr
 
 
 def _counted(count: int, what: str) -> str:
-    head, _, tail = what.partition(" without ")
-    plural = f"{head}s without {tail}" if tail else f"{what}s"
-    return f"1 {what} is" if count == 1 else f"{count:,} {plural} are"
+    head, blank, tail = what.partition(" without ")
+    return f"1 {what}" if count == 1 else f"{count:,} {head}s{blank}{tail}"
 
 
-def _identifiers(scanned: ScannedLog) -> str:
-    count = len({frame_streams.key_parts(key)[:2] for key in scanned.unknown})
-    return f"{count:,} identifier" + ("" if count == 1 else "s")
-
-
-def _commonest(unknown: Mapping[int, int]) -> str:
-    """The commonest identifiers with their counts, over all buses."""
-    counts: Counter[tuple[int, bool]] = Counter()
-    for key, count in unknown.items():
-        counts[frame_streams.key_parts(key)[:2]] += count
-    return listed(
-        f"0x{i:08X} ({count:,})" if extended else f"0x{i:03X} ({count:,})"
-        for (i, extended), count in counts.most_common()
-    )
+def _commonest(unknown: Counter[int]) -> str:
+    """The commonest identifiers with their counts."""
+    parts = ((frame_streams.identifier_parts(number), count) for number, count in unknown.most_common())
+    return listed(f"0x{i:0{8 if extended else 3}X} ({count:,})" for (i, extended), count in parts)

@@ -24,7 +24,7 @@ from clutchid.messages import shortened
 #: Owners of frames that belong to no stream: unknown messages, fragments of longer ones.
 UNKNOWN, FRAGMENT = "unknown", "fragment"
 
-#: Places of the bits of a key above the identifier.
+#: Places of the bits of a key above the identifier, of which the first says that it is extended, the others the bus.
 _EXTENDED, _BUS = 29, 30
 
 _LONGEST_NAME = 100
@@ -35,8 +35,9 @@ _Owner = tuple[Message | str, int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class MessageCatalogue:
-    """The messages of all DBC files, by identifier, and by group number where they are J1939; the first one counts."""
+    """All messages of the DBC files, by identifier, and by group number where they are J1939; the first one counts."""
 
+    messages: Sequence[Message]
     exact: Mapping[tuple[int, bool], Message]
     groups: Mapping[int, Sequence[Message]]
 
@@ -67,44 +68,32 @@ def _distance(written: tuple[int, int], own: tuple[int, int]) -> int:
     return 2 if written[0] == ANYBODY else 3
 
 
-def catalogue(messages: Sequence[Message]) -> MessageCatalogue:
-    """Messages by identifier and by group number."""
+def catalogue(written: Sequence[Message]) -> MessageCatalogue:
+    """The messages of databases; J1939 are also those alone in their group that are written for any sender (0xFE)."""
+    sizes = Counter(group_number(message.identifier) for message in written if message.extended)
+    messages = [
+        replace(message, j1939=True)
+        if message.extended
+        and addresses(message.identifier)[0] == ANYBODY
+        and sizes[group_number(message.identifier)] == 1
+        else message
+        for message in written
+    ]
     exact: dict[tuple[int, bool], Message] = {}
     groups: dict[int, list[Message]] = defaultdict(list)
     for message in messages:
         exact.setdefault((message.identifier, message.extended), message)
         if message.j1939 and message.extended:
             groups[group_number(message.identifier)].append(message)
-    return MessageCatalogue(exact, groups)
-
-
-def by_group(messages: Sequence[Message]) -> tuple[Message, ...]:
-    """The messages, as J1939 those that a database does not say to be it but writes for any sender (0xFE)."""
-    groups = Counter(group_number(message.identifier) for message in messages if message.extended)
-    return tuple(
-        replace(message, j1939=True)
-        if message.extended
-        and addresses(message.identifier)[0] == ANYBODY
-        and groups[group_number(message.identifier)] == 1
-        else message
-        for message in messages
-    )
+    return MessageCatalogue(messages, exact, groups)
 
 
 def streams_in_order(streams: Iterable[FrameStream], messages: Sequence[Message]) -> list[FrameStream]:
-    """The streams by their messages in the order of the DBC files, then by bus and addresses."""
+    """The streams by their messages in the order of the DBC files, then by bus, addresses and signal group."""
     order = {message: number for number, message in enumerate(messages)}
-
-    def place(stream: FrameStream) -> tuple[int, ...]:
-        return (
-            order[stream.message],
-            stream.bus,
-            stream.sender,
-            stream.receiver,
-            stream.message.groups.index(stream.group),
-        )
-
-    return sorted(streams, key=place)
+    return sorted(
+        streams, key=lambda s: (order[s.message], s.bus, s.sender, s.receiver, s.message.groups.index(s.group))
+    )
 
 
 def stream_rasters(streams: Sequence[FrameStream], sizes: Mapping[FrameStream, int]) -> tuple[Raster, ...]:
@@ -154,14 +143,19 @@ def stream_values(
     return {column: decode(stream.group.signals[column - 1], data, whole) if column else stamp for column in columns}
 
 
-def keys(frames: Frames) -> Rows:
+def identifiers(frames: Frames) -> Rows:
+    """One number a frame for its identifier and the kind of it."""
+    return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED)
+
+
+def identifier_parts(number: int) -> tuple[int, bool]:
+    """Identifier, and whether it is extended, of a number of `identifiers`."""
+    return number & ((1 << _EXTENDED) - 1), bool(number >> _EXTENDED)
+
+
+def _keys(frames: Frames) -> Rows:
     """One number a frame for its identifier, the kind of it, and its bus."""
-    return frames.identifier | (frames.extended.astype(np.int64) << _EXTENDED) | (frames.bus << _BUS)
-
-
-def key_parts(key: int) -> tuple[int, bool, int]:
-    """Identifier, whether it is extended, and bus of a key."""
-    return key & ((1 << _EXTENDED) - 1), bool(key >> _EXTENDED & 1), key >> _BUS
+    return identifiers(frames) | (frames.bus << _BUS)
 
 
 def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[FrameStream | str, Rows]]:
@@ -170,9 +164,9 @@ def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[Fram
     Rows stand in the order of the block. Those without a stream come as `UNKNOWN`, and as `FRAGMENT` what is part of a
     longer message: transport protocol, fast packets.
     """
-    distinct, places = np.unique(keys(frames), return_inverse=True)
+    distinct, places = np.unique(_keys(frames), return_inverse=True)
     owners: dict[_Owner, int] = {}
-    numbers = [owners.setdefault(_owner(messages, *key_parts(key)), len(owners)) for key in distinct.tolist()]
+    numbers = [owners.setdefault(_owner(messages, key), len(owners)) for key in distinct.tolist()]
     owner = np.array(numbers, dtype=np.int64)[places]
     order = np.argsort(owner, kind="stable")
     edges = np.searchsorted(owner[order], np.arange(len(owners) + 1))
@@ -191,7 +185,8 @@ def by_stream(frames: Frames, messages: MessageCatalogue) -> Iterator[tuple[Fram
                 yield FrameStream(message, group, bus, sender, receiver), held
 
 
-def _owner(messages: MessageCatalogue, identifier: int, extended: bool, bus: int) -> _Owner:
+def _owner(messages: MessageCatalogue, key: int) -> _Owner:
+    (identifier, extended), bus = identifier_parts(key & ((1 << _BUS) - 1)), key >> _BUS
     if extended and messages.groups and group_number(identifier) in TRANSPORT:
         return FRAGMENT, 0, 0, 0
     message = messages.find(identifier, extended)
@@ -207,19 +202,19 @@ _TWINS = 0.5
 def without_echoes(frames: Frames, left_out: dict[int, bool]) -> Frames:
     """The frames without those that are in the log a second time.
 
-    `left_out` has by identifier the direction that is left out, which is decided once, for all blocks of a log.
+    `left_out` has by bus and identifier the direction that is left out, which is decided once, for all blocks of a log.
     """
     sent = frames.sent
     if not (sent.any() or left_out):
         return frames
-    identifiers = keys(frames)
-    for key in np.unique(identifiers[sent]).tolist():
+    keys = _keys(frames)
+    for key in np.unique(keys[sent]).tolist():
         if key not in left_out:
-            direction = _echo(frames, sent, np.flatnonzero(identifiers == key))
+            direction = _echo(frames, sent, np.flatnonzero(keys == key))
             left_out |= {} if direction is None else {key: direction}
     echo = np.zeros(len(frames), dtype=np.bool_)
     for key, direction in left_out.items():
-        echo |= (identifiers == key) & (sent == direction)
+        echo |= (keys == key) & (sent == direction)
     return frames.take(~echo) if echo.any() else frames
 
 
