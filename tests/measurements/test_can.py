@@ -297,48 +297,6 @@ def test_an_asc_log_whose_header_does_not_speak_of_internal_events_keeps_its_fir
     assert numbers_of(single, 0)["EngineSpeed"].tolist() == [900.0]
 
 
-def test_lines_of_an_asc_log_that_hold_no_payload_are_told_apart(save, dbc):
-    lines = """   0.5 1  ErrorFrame Flags = 0x2
-   0.6 1  123             Rx   r
-   0.7 CANFD   1 Rx        123  0 0 0  0
-   0.8 CANFD   1 Tx   18F00400x  EEC1   1 0 8 8 00 00 00 22 1C 00 00 00
-   0.9 1  18F00400x       Rx   d 4 00 00 00 20
-  -1.0 CANFD   1 Rx  ErrorFrame 0 0
-"""
-    source = open_file(save(ASC + lines, "run.asc"), [dbc])
-    counts = {"2 error frames are left out.", "2 remote frames are left out.", "1 unreadable line is left out."}
-    assert counts <= set(source.warnings)
-    np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [900.0, 904.0, 900.25, np.nan])
-
-
-def test_frames_of_an_asc_log_that_are_only_asked_for_are_no_frames_and_rx_may_be_written_in_any_way(save):
-    lines = """   0.1 1  100             TxRq d 1 01
-   0.2 1  100             tx   d 1 01
-   0.3 1  100             RX   d 1 01
-   0.4 CANFD   1 TxRq      100  0 0 1 1 01
-   0.5 CANFD   1 Tx        100  0 0 1 1 01
-   0.6 CANFD   1 rx        100  0 0 1 1 01
-"""
-    log = frame_log(save(ASC.rsplit("\n", 6)[0] + "\n" + lines, "run.asc"))
-    (block,) = log.blocks()
-    assert block.stamp.tolist() == [0.2, 0.3, 0.5, 0.6]
-    assert block.sent.tolist() == [True, False, True, False]
-    assert not block.left_out
-
-
-@pytest.mark.parametrize(
-    ("version", "line"),
-    [
-        ("1.0", "1)  100.1  0CF00400  8  00 00 00 20 1C 00 00 00"),
-        ("1.2", "1)  100.1  1  Rx  0CF00400  8  00 00 00 20 1C 00 00 00"),
-        ("1.3", "1)  100.1  1  Rx  0CF00400  -  8  00 00 00 20 1C 00 00 00"),
-    ],
-)
-def test_a_trc_log_of_any_version_has_its_columns(save, dbc, version, line):
-    source = open_file(save(f";$FILEVERSION={version}\n;$STARTTIME=45000.5\n{line}\n", "run.trc"), [dbc])
-    assert numbers_of(source, 0)["EngineSpeed"].tolist() == [900.0]
-
-
 def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot_be_read(save, dbc):
     source = open_file(save(TRC, "run.trc"), [dbc])
     assert (source.format, source.metadata["start"]) == ("TRC", "2023-03-15T12:00:00.100100")
@@ -346,20 +304,6 @@ def test_a_trc_log_counts_from_its_first_frame_and_passes_over_lines_that_cannot
     numbers = numbers_of(source, 0)
     np.testing.assert_array_equal(numbers["EngineSpeed"], [900.0, 904.0])
     np.testing.assert_allclose(numbers["time"], [0.0, 0.2002], rtol=0, atol=1e-12)
-
-
-def test_a_trc_log_of_two_buses_has_its_frames_by_bus_as_it_numbers_them(save, dbc):
-    buses = """;$FILEVERSION=2.1
-;$STARTTIME=45000.5
-;$COLUMNS=N,O,T,B,I,d,R,L,D
-      1       100.100 DT 1 0CF00400 Rx -  8    00 00 00 20 1C 00 00 00
-      2       100.200 DT 2 0CF00400 Rx -  8    00 00 00 40 1C 00 00 00
-      3       200.100 DT 1 0CF00400 Rx -  8    00 00 00 22 1C 00 00 00
-"""
-    source = open_file(save(buses, "run.trc"), [dbc])
-    speeds = {raster.name: numbers_of(source, i)["EngineSpeed"].tolist() for i, raster in enumerate(source.rasters)}
-    assert list(speeds.values()) == [[900.0, 900.25], [904.0]]
-    assert [name.partition("CAN")[2][0] for name in speeds] == ["1", "2"]
 
 
 def test_a_log_without_a_whole_frame_says_what_it_holds(save, dbc):
