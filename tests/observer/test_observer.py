@@ -12,9 +12,9 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.configuration import DRIFT
-from clutchid.observer.gaps import BRIDGED
+from clutchid.observer.gaps import BRIDGED, UNKNOWN_SHARE, bridged
 from clutchid.observer.methods import METHODS
-from clutchid.observer.state import FROZEN
+from clutchid.observer.state import FROZEN, Tail
 from fixtures.changed_logs import picked, spoiled
 from fixtures.observing import in_blocks
 
@@ -95,6 +95,18 @@ def test_parts_of_a_correction_are_counted_in_samples_also_where_some_are_late(j
     at, since = plant.states.index("p_A"), slice(200, None)
     there = np.searchsorted(log.time, late.time)
     assert np.abs(samples.states[since, at] - undisturbed.states[there[since], at]).max() < 30e3
+
+
+def test_a_valve_may_have_been_open_for_a_share_of_each_sample_that_is_missing(joint, log):
+    """The square of the time adds up over the missing samples, as errors that are independent."""
+    state, _ = observe(joint, start(joint), log.slice(0, 100))
+    later = log.slice(100, 110)
+    samples = Tail(later.time, later.duties(), later["position"], np.full(10, np.nan), np.zeros(10))
+    present = np.r_[0:3, 5:7, 8:10]
+    torn, none = Tail(*(column[present] for column in samples)), np.zeros(present.size, dtype=bool)
+    of_gaps = bridged(state, torn, none, none, joint.spacing).samples.open_std
+    lost = np.array([0, 0, 0, 2, 0, 1, 0])
+    assert of_gaps == pytest.approx(UNKNOWN_SHARE * joint.spacing * np.sqrt(lost))
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):
