@@ -212,7 +212,7 @@ def trc_log(path: Path) -> FrameLog:
 
 
 def _trc_lines(columns: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """The patterns of lines with these columns; none is a frame where one that it needs is missing, or comes twice."""
+    """Patterns of lines with these columns; no line is a frame where a needed column is missing or comes twice."""
     twice = len(set(columns)) < len(columns) or {"L", "l"} <= set(columns)
     if twice or not {"O", "I"} <= set(columns) or columns[-1] != "D":
         return ((_EVENT, ""),)
