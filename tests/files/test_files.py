@@ -116,15 +116,6 @@ def test_a_name_that_is_no_text_is_written_and_read_like_any_other(tmp_path, suf
     assert read(path)["position"].tolist() == values.tolist()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux only")
-def test_a_table_whose_columns_only_arrow_reads_has_any_name(tmp_path):
-    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
-    names = ["time [s]", "position [m]", "duty_supply [1]", "duty_exhaust [1]", "gear", "gear"]
-    with (tmp_path / f"{NO_TEXT}.parquet").open("wb") as file:
-        parquet.write_table(arrow.table([arrow.array([0.0, 1.0])] * 6, names=names), file)
-    assert read(tmp_path / f"{NO_TEXT}.parquet")["position"].tolist() == [0.0, 1.0]
-
-
 @pytest.mark.parametrize("open_", [opened_file, digest, lambda path: small_file(path, "recording", 10)])
 def test_what_is_not_there_or_no_plain_file_is_one_sentence(tmp_path, open_):
     (tmp_path / "gone").symlink_to(tmp_path / "nowhere.csv")

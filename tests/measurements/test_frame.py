@@ -38,7 +38,7 @@ def test_a_frame_is_read_as_a_file_with_its_columns(kind, tmp_path):
             assert np.array_equal(values, read, equal_nan=True), name
 
 
-def test_dates_and_a_named_index_are_the_time():
+def test_dates_durations_and_a_named_index_are_the_time():
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     frame = pandas.DataFrame(COLUMNS)
     assert from_frame(frame.set_index("time [ms]")).time.tolist() == [0.0, 1e-3, 2e-3, 3e-3]
@@ -46,6 +46,8 @@ def test_dates_and_a_named_index_are_the_time():
     log = from_frame(frame.drop(columns="time [ms]").set_index(dates))
     assert log.time.tolist() == [0.0, 1e-3, 2e-3, 3e-3]
     assert log.metadata["start"].startswith("2026-05-01 00:00:00")
+    durations = pandas.to_timedelta([0, 2, 4, 6], unit="ms")
+    assert from_frame(frame.drop(columns="time [ms]").set_index(durations)).time.tolist() == [0.0, 2e-3, 4e-3, 6e-3]
 
 
 @pytest.mark.parametrize(

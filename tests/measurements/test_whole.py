@@ -6,23 +6,24 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
+from clutchid.measurements import opening as guard
 from clutchid.measurements import read, read_pieces, write
 from clutchid.measurements.conversion import pieces
 from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import Channel, ChannelMap
 
-ROWS = 1_500_000
+ROWS = 4_000_000
 
 
 @pytest.fixture
 def small_limit(monkeypatch):
-    """At most 40 MB of values are read as a whole."""
-    monkeypatch.setenv("CLUTCHID_READER_MEMORY", "100MB")
+    """At most 120 MB of values are read as a whole."""
+    monkeypatch.setenv("CLUTCHID_READER_MEMORY", "300MB")
 
 
 @pytest.fixture
 def compact(tmp_path):
-    """A Parquet file of little size on the disk, whose rows take 48 MB."""
+    """A Parquet file of little size on the disk, whose rows take 128 MB."""
     path = tmp_path / "compact.parquet"
     columns = {f"{name} [1]": pl.zeros(ROWS, eager=True) for name in ("duty_supply", "duty_exhaust")}
     time = pl.arange(ROWS, eager=True, dtype=pl.Int64)
@@ -32,14 +33,19 @@ def compact(tmp_path):
 
 @pytest.mark.usefixtures("small_limit")
 def test_a_file_is_refused_by_its_own_description_before_a_sample_is_read(compact, monkeypatch):
-    monkeypatch.setattr("clutchid.measurements.formats.parquet.file._frames", None)
+    ask = guard.ReaderProcess.ask
+    questions = []
+    monkeypatch.setattr(
+        guard.ReaderProcess, "ask", lambda *arguments: questions.append(arguments[1]["do"]) or ask(*arguments)
+    )
     with pytest.raises(DataError) as caught:
         read(compact)
     assert str(caught.value) == (
-        f"{compact}: its 1,500,000 samples of 4 channels take 0.048 GB in memory, more than the 0.04 GB that are read "
+        f"{compact}: its 4,000,000 samples of 4 channels take 0.128 GB in memory, more than the 0.12 GB that are read "
         "as a whole; cut out what is needed with `clutchid cut`, or allow more with the environment variable "
         "CLUTCHID_READER_MEMORY=1GB."
     )
+    assert questions == ["open"]
 
 
 @pytest.mark.usefixtures("small_limit")
@@ -53,9 +59,8 @@ def test_what_the_message_advises_is_enough(compact, monkeypatch):
     assert len(read(compact)) == ROWS
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
-def test_a_large_file_of_many_bytes_is_no_exception(tmp_path, monkeypatch, suffix):
-    path = tmp_path / f"noise{suffix}"
+def test_a_large_file_of_many_bytes_is_no_exception(tmp_path, monkeypatch):
+    path = tmp_path / "noise.csv"
     noise = np.random.default_rng(1).uniform(0.0, 1.0, 20_000)
     write(Log(np.arange(noise.size) * 1e-3, dict.fromkeys(("position", "duty_supply", "duty_exhaust"), noise)), path)
     monkeypatch.setenv("CLUTCHID_READER_MEMORY", "1MB")

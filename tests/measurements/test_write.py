@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 import clutchid.measurements as cio
 from clutchid.errors import ExportError
 from clutchid.log import COLUMNS, Log
-from clutchid.measurements import opening
 from clutchid.measurements.columns import REQUIRED
 from clutchid.measurements.source import to_frame
 
@@ -83,9 +82,7 @@ def edged():
     return Log(time, columns, edges={"duty_supply": (np.array([0.0, 1.3e-3]), np.array([0.0, 0.7]))})
 
 
-@pytest.mark.parametrize("read_here", [True, False])
-def test_parquet_keeps_the_edges_between_the_samples_exactly(tmp_path, edged, monkeypatch, read_here):
-    monkeypatch.setattr(opening, "_MODERATE", 1e9 if read_here else 0)  # bytes that are read without the reader process
+def test_parquet_keeps_the_edges_between_the_samples_exactly(tmp_path, edged):
     path = tmp_path / "log.parquet"
     cio.write(edged, path)
     (stamps, values) = cio.read(path).edges["duty_supply"]

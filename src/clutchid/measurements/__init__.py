@@ -103,13 +103,15 @@ def read_frame(frame: Any, name: str, ambient: float | None, channels: Any, requ
     """A recording from a data frame, see `clutchid.Log.from_frame`."""
     import polars as pl
 
-    from clutchid.measurements.formats.parquet.file import frame_source
+    from clutchid.measurements.formats.parquet.file import INDEX, frame_source
     from clutchid.measurements.grids import with_own_grids
 
     check_ambient(ambient)
     try:
-        indexed = getattr(getattr(frame, "index", None), "name", None) is not None
-        table = pl.DataFrame(frame.reset_index() if indexed else frame)
+        index = getattr(frame, "index", None)
+        stamps = getattr(getattr(index, "dtype", None), "kind", "") in ("m", "M")
+        column = getattr(index, "name", None) or (INDEX if stamps else None)
+        table = pl.DataFrame(frame if column is None else frame.reset_index(names=column))
     except Exception as error:  # of polars, pandas or PyArrow
         reason = shortened(str(error), 200)
         raise DataError(

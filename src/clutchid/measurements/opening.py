@@ -1,8 +1,8 @@
 """Open a recording: the format is detected from the content.
 
-Text, and Parquet of moderate size, is read in this process; everything else in the guarded reader process. A library
-may end its process on a damaged file, never return, or unpack a small file to gigabytes: all that then ends is the
-reader process, a `clutchid.processes.Worker`, and the user gets one sentence.
+Text is read in this process; everything else in the guarded reader process. A library may end its process on a damaged
+file, never return, or unpack a small file to gigabytes: all that then ends is the reader process, a
+`clutchid.processes.Worker`, and the user gets one sentence.
 """
 
 from __future__ import annotations
@@ -28,9 +28,6 @@ from clutchid.processes import Limits, Worker, WorkerEnd
 #: Kinds of text that are read in this process, by our own code.
 _OWN = ("csv", "candump", "frames")
 
-#: Bytes in memory up to which a Parquet file, by what it says of itself, is read in this process.
-_MODERATE = 256_000_000
-
 
 def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
     """Open a file of any known format; `dbc` files decode the frames of a bus log.
@@ -46,14 +43,7 @@ def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = 
     file = plain_file(path)
     databases = [plain_file(name, "DBC file") for name in dbc]
     kind = readable_kind(file)
-    if kind == "parquet":
-        from clutchid.measurements.formats.parquet.file import promised_bytes
-
-        promised = promised_bytes(file)
-        here = promised is not None and promised <= _MODERATE
-    else:
-        here = kind in _OWN
-    return with_own_grids((opened_here if here else _guarded_source)(file, databases, kind))
+    return with_own_grids((opened_here if kind in _OWN else _guarded_source)(file, databases, kind))
 
 
 class NoFramesError(DataError):
