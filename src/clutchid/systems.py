@@ -218,11 +218,11 @@ def is_private(folder: Path) -> bool:
 
 
 def reserve(file: BinaryIO, size: int) -> None:
-    """Reserve so many bytes of the disk for a file."""
+    """Extend a file to so many bytes, which are reserved on the disk."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)
     else:
-        file.write(bytes(size))
+        file.write(bytes(size - file.tell()))
 
 
 def replace(source: Path, target: Path) -> None:

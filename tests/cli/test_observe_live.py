@@ -124,7 +124,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
     (tmp_path / "out").mkdir()
 
     def remove(writing):
-        while len([*(tmp_path / "out").glob(".*")]) < 2:  # the outputs are begun
+        while len([*(tmp_path / "out").glob(".*/free")]) < 2:  # the outputs are begun
             time.sleep(0.01)
         wait_for(lambda: not unread(writing))
         while (tmp_path / "out").exists():  # something may be written meanwhile

@@ -14,7 +14,6 @@ from clutchid.errors import ExportError
 from clutchid.log import Log
 from clutchid.measurements import read, write
 from clutchid.measurements import spool as module
-from clutchid.measurements.formats.parquet.footer import damage
 from clutchid.measurements.spool import cut_behind, recovered, spooled
 
 
@@ -61,33 +60,43 @@ def test_a_recording_without_samples_has_its_columns(tmp_path, log):
     assert pl.read_parquet(tmp_path / "none.parquet").columns[0] == "time [s]"
 
 
-@pytest.mark.parametrize("cut", ["", "data", "footer"])
-def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path, log, suffix, cut, monkeypatch):
-    monkeypatch.setattr(module, "PIECE", 400)
+def torn(content):
+    """The pieces of a file of which the last is not whole: it is cut, holds what was never written, or other bytes."""
+    return [content[:-1], content[:-9] + bytes(9), content[:-9] + b"clutch is", content + bytes(4096)]
+
+
+@pytest.mark.parametrize("number", [None, 0, 1, 2, 3])
+def test_what_a_killed_run_left_is_recovered_once_in_a_file_of_its_own(tmp_path, log, suffix, number, monkeypatch):
+    monkeypatch.setattr(module, "PIECE", 600)
     (tmp_path / "killed").mkdir()
     path = tmp_path / "killed" / f"live{suffix}"
     with spooled(tmp_path / f"live{suffix}") as add:
         for begin in range(0, 900, 150):
-            add(log.slice(begin, begin + 150), now=begin == 300)
+            add(log.slice(begin, begin + 150), now=begin in (300, 750))
         assert recovered(tmp_path / f"live{suffix}") == []  # it still runs
         (folder,) = tmp_path.glob(".clutchid-live-*")
         shutil.copytree(folder, tmp_path / "killed" / folder.name)
-    left = tmp_path / "killed" / folder.name
-    if cut and suffix == ".parquet":  # the power was cut: only what was synced is there
-        content = (left / cut).read_bytes()
-        (left / cut).write_bytes(content[: len(content) * 2 // 3])
-    elif cut:
-        with (left / "data").open("ab") as data:
-            data.write(b"0.9,1")
+    left = tmp_path / "killed" / folder.name / "data"
+    if number is not None:
+        left.write_bytes(torn(left.read_bytes())[number])
     assert recovered(tmp_path / "killed" / f"other{suffix}") == []
     (file,) = recovered(path)
     assert file.name == f"live.recovered{suffix}"
     frame = read_frame(file)
-    assert frame["time [s]"].to_list() == log.time[: 450 if cut and suffix == ".parquet" else 900].tolist()
+    assert frame["time [s]"].to_list() == log.time[: 900 if number in (None, 3) else 750].tolist()
     assert recovered(path) == []
     assert [entry.name for entry in path.parent.iterdir()] == [file.name]
-    if suffix == ".parquet":
-        assert damage(file) == ""
+
+
+@pytest.mark.parametrize("content", [b"", b"\0" * 4096], ids=["nothing", "zeros"])
+def test_what_holds_no_piece_is_removed(tmp_path, log, content):
+    with spooled(tmp_path / "live.parquet") as add:
+        add(log.slice(0, 100), now=True)
+        (folder,) = tmp_path.glob(".clutchid-live-*")
+        shutil.copytree(folder, tmp_path / "killed" / folder.name)
+    (tmp_path / "killed" / folder.name / "data").write_bytes(content)
+    assert recovered(tmp_path / "killed" / "live.parquet") == []
+    assert list((tmp_path / "killed").iterdir()) == []
 
 
 @contextmanager
@@ -105,7 +114,7 @@ def filled(path, log):
     """Written until the disk is full: at a piece, or at the end."""
     with spooled(path) as add:
         for begin in range(0, 1000, 100):
-            with little_room(16_000):
+            with little_room(24_000):
                 try:
                     add(log.slice(begin, begin + 100))
                 except ExportError as error:
@@ -146,6 +155,21 @@ def test_an_empty_folder_that_could_not_be_removed_is_removed_by_the_next_run(tm
     (tmp_path / ".clutchid-live-0").mkdir()
     assert recovered(tmp_path / "live.parquet") == []
     assert list(tmp_path.iterdir()) == []
+
+
+def nowhere(path, _parts):
+    raise ExportError(f"{path}: cannot be written.")
+
+
+def test_what_can_be_written_nowhere_is_made_a_file_by_the_next_run(tmp_path, log, suffix, monkeypatch):
+    path = tmp_path / f"live{suffix}"
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "_join", nowhere)
+        with pytest.raises(ExportError, match=r"written\. Its samples are in .*live-"), spooled(path, print) as add:
+            add(log)
+    (file,) = recovered(path)
+    assert read_frame(file)["time [s]"].to_list() == log.time.tolist()
+    assert [entry.name for entry in tmp_path.iterdir()] == [file.name]
 
 
 def test_a_folder_that_is_removed_costs_only_the_place_of_the_file(tmp_path, log):

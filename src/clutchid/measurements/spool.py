@@ -1,46 +1,45 @@
 """Write a recording piece by piece while it grows, in constant memory; the file appears whole, at the end.
 
-Until then its pieces are in a hidden folder beside its place: `recovered` makes a file of what a run left there that
-was killed, or whose computer lost its power. A disk that is full, or a folder that is removed, costs what comes later.
+Until then its pieces lie one behind another in a hidden folder beside its place, each with its length and a checksum;
+the file that is made of them takes their size once more, for which room is reserved as they grow. `recovered` makes it
+of the pieces of a run that was killed, or whose computer lost its power. A disk that is full costs what comes later.
 """
 
 from __future__ import annotations
 
 import json
-import mmap
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
+from itertools import chain, islice
 from os import PathLike
 from pathlib import Path
+from struct import Struct
 from typing import BinaryIO, Protocol
+from zlib import crc32
 
 from clutchid.errors import ExportError
 from clutchid.files import atomic_write, reason_of, writable_target
 from clutchid.log import Log, concatenated
 from clutchid.measurements.formats.parquet.file import KEY
-from clutchid.measurements.formats.parquet.footer import MAGIC, RowGroups, appended, footer_bytes
 from clutchid.measurements.source import to_frame
-from clutchid.systems import give_memory_back, lock, replace, reserve
+from clutchid.systems import give_memory_back, lock, reserve
 
-#: Numbers in a piece of a Parquet file, which holds up a live recording for some 40 ms; and blocks that are joined
-#: before: a short one takes more than its numbers.
+#: Numbers in a piece, which holds up a live recording for some 40 ms; and blocks that are joined before: a short one
+#: takes more than its numbers.
 PIECE, _BLOCKS = 1 << 19, 64
 
-#: Suffixes of files that can be written piece by piece.
-SPOOLED = (".parquet", ".csv")
+#: Suffixes of files that can be written piece by piece, and the bytes that a number takes in them at most.
+SPOOLED = {".parquet": 8, ".csv": 24}
 
-#: Bytes of the disk that are kept free for the end of the file, and for what is written after it.
-_RESERVE = 1 << 22
+#: Start of the hidden folder's name; in it the pieces, the name of the file that they make, and the room for it.
+_PREFIX, _DATA, _TARGET, _RESERVED = ".clutchid-live-", "data", "target", "free"
 
-#: Fewest rows of a piece that are tried where a larger one does not fit on the disk.
-_FEWEST = 256
-
-#: Start of the hidden folder's name; in it the data, the footers behind them, and the name of the file that they make.
-_PREFIX, _DATA, _FOOTER, _SYNCED, _TARGET, _RESERVED = ".clutchid-live-", "data", "footer", "synced", "target", "free"
+#: Bytes before each piece: its length and its checksum.
+_HEAD = Struct("<QI")
 
 
 class AddBlock(Protocol):
@@ -49,17 +48,13 @@ class AddBlock(Protocol):
     def __call__(self, block: Log, *, now: bool = False) -> None: ...
 
 
-FileEnd = Callable[[], bytes]
-
-
 @contextmanager
 def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = None) -> Iterator[AddBlock]:
     """Function that adds a block to a recording, which replaces `path` when the ``with`` block ends without an error.
 
-    On any error what was written is removed, and an existing file stays unchanged. A block without samples defines the
-    columns of a recording that stays empty. The metadata are those of the first block. Where the disk is full, the
-    function raises, and the file holds what was written before, if anything was; it must not be called again. The same
-    at the end.
+    On any error in the block what was written is removed, and an existing file stays unchanged. A block without samples
+    defines the columns of a recording that stays empty. The metadata are those of the first block. Where the disk is
+    full, the function raises, and the file holds what was added before; it must not be called again.
 
     Parameters
     ----------
@@ -69,7 +64,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     Raises
     ------
     ExportError
-        If the suffix is not one of `SPOOLED`, or a file cannot be written.
+        If the suffix is not one of `SPOOLED`, or a file cannot be written; at the end `recovered` has the pieces.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SPOOLED:
@@ -78,25 +73,24 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     folder: Path | None = None
     try:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=target.parent))
-        with (folder / _TARGET).open("w", encoding="utf-8") as name, (folder / _DATA).open("wb+", buffering=0) as data:
+        with (
+            (folder / _TARGET).open("w", encoding="utf-8") as name,
+            (folder / _DATA).open("wb+", buffering=0) as data,
+            (folder / _RESERVED).open("wb") as free,
+        ):
             json.dump(target.name, name)
             name.flush()
             lock(name.fileno())
-            with suppress(OSError), (folder / _RESERVED).open("wb") as free:  # for the end, where that can be
-                reserve(free, _RESERVE)
-            add, end = (_as_text if suffix == ".csv" else _as_parquet)(data, folder, path)
-            yield add
-            trouble = None
+            spool = _Spool(path, data, free)
+            yield spool.add
             try:
-                rest = end()
-            except ExportError as error:
-                trouble, rest = error, end()
-            _release(folder)
-            if trouble is not None and data.tell() <= len(MAGIC):
-                raise trouble
-            _finish(data, rest, folder / _DATA, target, moved)
-            if trouble is not None:
-                raise trouble
+                free.truncate(0)
+                _make_file(target, spool.parts, moved)
+            except OSError as error:
+                with suppress(OSError):
+                    spool.write()
+                place, folder = folder, None
+                raise ExportError(f"{error} Its samples are in {place}; the next run makes a file of them.") from error
     except ExportError:
         raise
     except OSError as error:
@@ -104,6 +98,142 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+class _Spool:
+    """Blocks of a recording: the last ones in memory, those before in pieces on the disk."""
+
+    def __init__(self, path: str | PathLike[str], data: BinaryIO, free: BinaryIO) -> None:
+        self._path, self._data, self._free = path, data, free
+        self._suffix = Path(path).suffix.lower()
+        self._blocks: list[Log] = []
+        self._size = self._room = 0
+        with suppress(OSError):  # a full disk is found with the first piece
+            self._reserve(0)
+
+    def add(self, block: Log, *, now: bool = False) -> None:
+        """Add a block, see `AddBlock`."""
+        numbers = 1 + len(block.columns)
+        rows = max(PIECE // numbers, 1)
+        try:
+            for begin in range(0, len(block) or 1, rows):
+                self._add(block.slice(begin, begin + rows), numbers)
+            if now or self._suffix == ".csv":
+                self.write()
+            if now:
+                os.fsync(self._data.fileno())
+        except OSError as error:
+            raise ExportError(f"{self._path}: cannot be written any further ({reason_of(error)}).") from error
+
+    def _add(self, block: Log, numbers: int) -> None:
+        """Add a block of at most a piece, of so many numbers a sample."""
+        size = len(block) * numbers
+        if self._size + size > PIECE:
+            self.write()
+        if size or not (self._blocks or self._data.tell()):
+            self._blocks.append(block)
+            self._size += size
+        if len(self._blocks) >= _BLOCKS:
+            self._blocks[:] = [concatenated(self._blocks)]
+
+    def parts(self) -> Iterator[bytes]:
+        """The metadata, and the pieces: those on the disk, and what is in memory."""
+        yield from _whole_parts(self._data)
+        yield from self._parts_of_blocks()
+
+    def write(self) -> None:
+        """Write the blocks in memory; where that fails, nothing of them, and they stay in memory."""
+        if not self._size:
+            return
+        begin = self._data.seek(0, os.SEEK_END)
+        rest = memoryview(b"".join(_HEAD.pack(len(part), crc32(part)) + part for part in self._parts_of_blocks()))
+        try:
+            self._reserve(begin + len(rest))
+            while rest:
+                rest = rest[self._data.write(rest) :]
+        except OSError:
+            self._data.seek(begin)
+            self._data.truncate()
+            raise
+        self._blocks.clear()
+        self._size = 0
+        give_memory_back()  # in pools a live recording grows by 20 MiB an hour
+
+    def _parts_of_blocks(self) -> Iterator[bytes]:
+        """The blocks in memory as a piece, before the first one the metadata."""
+        import polars as pl
+
+        if not self._blocks:
+            return
+        is_first = not self._data.tell()
+        if is_first:
+            yield json.dumps({KEY: json.dumps(dict(self._blocks[0].metadata))}).encode()
+        frame = to_frame(concatenated(self._blocks))
+        if self._suffix == ".csv":
+            yield frame.with_columns(pl.all().fill_nan(None)).write_csv(include_header=is_first).encode()
+        else:
+            stream = BytesIO()
+            frame.write_ipc_stream(stream, compression="zstd")
+            yield stream.getvalue()
+
+    def _reserve(self, size: int) -> None:
+        """Reserve room for a file of so many bytes of pieces and of the next one in memory, and for those after it."""
+        piece = PIECE * SPOOLED[self._suffix]
+        need = size * 9 // 8 + piece
+        if need > self._room:
+            reserve(self._free, need + piece // 2)
+            self._room = need + piece // 2
+
+
+def _whole_parts(data: BinaryIO) -> Iterator[bytes]:
+    """The parts of a file of pieces up to the first that is torn."""
+    data.seek(0)
+    while len(head := data.read(_HEAD.size)) == _HEAD.size:
+        size, checksum = _HEAD.unpack(head)
+        part = data.read(size)
+        if not size or crc32(part) != checksum:
+            return
+        yield part
+
+
+def _make_file(target: Path, parts: Callable[[], Iterator[bytes]], moved: Callable[[Path], None] | None) -> None:
+    """Make the file of its parts; in the folder for temporary files where that cannot be."""
+    try:
+        _join(target, parts)
+    except OSError:
+        if moved is None:
+            raise
+        other = Path(tempfile.mkdtemp(prefix="clutchid-")) / target.name
+        _join(other, parts)
+        moved(other)
+
+
+def _join(target: Path, parts: Callable[[], Iterator[bytes]]) -> None:
+    """Make a file of its parts, in constant memory.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be written.
+    """
+    import polars as pl
+    from polars.io.plugins import register_io_source
+
+    every = parts()
+    metadata, first = next(every, b"{}"), next(every, b"")
+    pieces = chain([first], every)
+
+    def frames(*_: object) -> Iterator[pl.DataFrame]:
+        return map(pl.read_ipc_stream, pieces)
+
+    with atomic_write(target) as temporary, temporary.open("wb") as file:
+        if target.suffix.lower() == ".csv":
+            file.writelines(pieces)
+        elif first:
+            table = register_io_source(frames, schema=pl.read_ipc_stream(first).schema)
+            table.sink_parquet(file, metadata=json.loads(metadata))
+        file.flush()
+        os.fsync(file.fileno())  # before the pieces are removed
 
 
 def recovered(path: str | PathLike[str]) -> list[Path]:
@@ -117,14 +247,15 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
         with suppress(OSError):  # with nothing in it: its run could not remove it from a write-protected folder
             folder.rmdir()
         with suppress(OSError, ValueError):
-            with (folder / _TARGET).open("r+", encoding="utf-8") as name:
+            with (folder / _TARGET).open("r+", encoding="utf-8") as name, (folder / _DATA).open("rb") as data:
                 if json.load(name) != target.name or not lock(name.fileno()):
                     continue
-                if _is_whole(folder, target.suffix.lower()):
+                (folder / _RESERVED).unlink(missing_ok=True)
+                if len(list(islice(_whole_parts(data), 2))) == 2:  # the metadata, and a piece
                     free = _free_name(target)
-                    replace(folder / _DATA, free)
+                    _join(free, lambda: _whole_parts(data))
                     files.append(free)
-            shutil.rmtree(folder)  # once it is closed: Windows removes no open file
+            shutil.rmtree(folder)  # once they are closed: Windows removes no open file
     return files
 
 
@@ -158,193 +289,7 @@ def cut_behind(path: Path, time: float) -> None:
         raise ExportError(f"{path}: cannot be cut ({error}); it is unchanged.") from error
 
 
-def _is_whole(folder: Path, suffix: str) -> bool:
-    """Whether the data of a run that was killed could be made a file of the samples that are whole."""
-    data = folder / _DATA
-    if suffix == ".csv":
-        if not data.stat().st_size:
-            return False
-        with data.open("rb+") as file:
-            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
-                end = text.rfind(b"\n") + 1
-            file.truncate(end)
-        return end > 0
-    import polars as pl
-
-    for footer in (folder / _FOOTER, folder / _SYNCED):
-        with suppress(OSError, ValueError, pl.exceptions.PolarsError):
-            content = footer.read_bytes()
-            end = int.from_bytes(content[:8], "little")
-            with data.open("rb+") as file:
-                if file.seek(0, os.SEEK_END) < end:
-                    continue
-                file.seek(end)
-                file.write(content[8:])
-                file.truncate()
-            if pl.scan_parquet(data).select(pl.len(), pl.all().sum().name.prefix("sum ")).collect()["len"][0]:
-                return True
-    return False
-
-
 def _free_name(target: Path) -> Path:
     names = (f".{number}" if number else "" for number in range(1000))
     paths = (target.with_name(f"{target.stem}.recovered{number}{target.suffix}") for number in names)
     return next(path for path in paths if not path.exists())
-
-
-def _release(folder: Path) -> None:
-    with suppress(OSError):
-        (folder / _RESERVED).unlink(missing_ok=True)
-
-
-def _finish(data: BinaryIO, end: bytes, source: Path, target: Path, moved: Callable[[Path], None] | None) -> None:
-    """Write the end of a file, and give it its name; in the folder for temporary files where that cannot be."""
-    try:
-        _all(data, end)
-        os.fsync(data.fileno())
-        if target.exists():
-            shutil.copymode(target, source)
-        else:
-            mask = os.umask(0)
-            os.umask(mask)
-            source.chmod(0o666 & ~mask)
-        data.close()  # Windows replaces no open file
-        replace(source, target)
-    except OSError:
-        if moved is None:
-            raise
-        with source.open("rb") if data.closed else data as written:
-            moved(_copied(written, end, target.name))
-
-
-def _copied(data: BinaryIO, end: bytes, name: str) -> Path:
-    """A copy of an open file, with its end, in the folder for temporary files."""
-    other = Path(tempfile.mkdtemp(prefix="clutchid-")) / name
-    with other.open("wb") as file:
-        data.seek(max(data.seek(0, os.SEEK_END) - len(end), 0))
-        whole = data.read(len(end)) == end
-        data.seek(0)
-        shutil.copyfileobj(data, file)
-        if not whole:
-            file.write(end)
-    return other
-
-
-def _all(file: BinaryIO, content: bytes) -> None:
-    """Write all bytes at the place of an unbuffered file; where that fails, none of them."""
-    begin, rest = file.tell(), memoryview(content)
-    try:
-        while rest:
-            rest = rest[file.write(rest) :]
-    except OSError:
-        file.seek(begin)
-        file.truncate()
-        raise
-
-
-def _as_text(data: BinaryIO, _folder: Path, path: str | PathLike[str]) -> tuple[AddBlock, FileEnd]:
-    import polars as pl
-
-    begun = False
-
-    def add(block: Log, *, now: bool = False) -> None:
-        nonlocal begun
-        if len(block) or not begun:
-            text = to_frame(block).with_columns(pl.all().fill_nan(None)).write_csv(include_header=not begun)
-            with _until(path):
-                _all(data, text.encode())
-            begun = True
-        if now:
-            with _until(path):
-                os.fsync(data.fileno())
-
-    return add, lambda: b""
-
-
-def _as_parquet(data: BinaryIO, folder: Path, path: str | PathLike[str]) -> tuple[AddBlock, FileEnd]:
-    """Blocks are collected to pieces, each a row group behind the ones before."""
-    held: list[Log] = []
-    metadata: dict[str, str] = {}
-    groups, size, stopped = RowGroups(), 0, False
-    _all(data, MAGIC)
-
-    def write(log: Log) -> None:
-        nonlocal groups
-        whole = BytesIO()
-        to_frame(log).write_parquet(whole, metadata=metadata)
-        after, content = appended(groups, whole.getvalue())
-        _all(data, content)
-        groups = after
-        _note(folder / _FOOTER, groups)
-
-    def write_piece() -> None:
-        nonlocal size, stopped
-        piece = concatenated(held)
-        held.clear()
-        size = 0
-        try:
-            with _until(path):
-                write(piece)
-        except ExportError:
-            stopped = True
-            _write_part(write, piece)
-            raise
-        del piece
-        give_memory_back()  # in pools a live recording grows by 20 MiB an hour
-
-    def add(block: Log, *, now: bool = False) -> None:
-        nonlocal size
-        if not metadata:
-            metadata[KEY] = json.dumps(dict(block.metadata))
-        if len(block) or not (held or groups.footer):
-            held.append(block)
-            size += len(block) * (1 + len(block.columns))
-        if len(held) >= _BLOCKS:
-            held[:] = [concatenated(held)]
-        if size >= PIECE or (now and size):
-            write_piece()
-        if now:
-            with _until(path):
-                os.fsync(data.fileno())
-            _note(folder / _SYNCED, groups, synced=True)
-
-    def end() -> bytes:
-        if 8 * size <= _RESERVE // 4:  # a part of what is kept free for the end; a larger piece must leave it
-            _release(folder)
-        if held and not stopped:
-            write_piece()
-        return footer_bytes(groups) if groups.footer else b""
-
-    return add, end
-
-
-def _write_part(write: Callable[[Log], None], piece: Log) -> None:
-    """Write as much of a piece as fits."""
-    begin, rows = 0, len(piece) // 2
-    while rows >= _FEWEST:
-        try:
-            write(piece.slice(begin, begin + rows))
-            begin += rows
-        except OSError:
-            rows //= 2
-
-
-def _note(path: Path, groups: RowGroups, *, synced: bool = False) -> None:
-    """Note the footer of what is written, for `recovered`; where that cannot be, the recording goes on."""
-    with suppress(OSError):
-        temporary = path.with_suffix(".new")
-        with temporary.open("wb") as file:
-            file.write(groups.end.to_bytes(8, "little") + footer_bytes(groups))
-            file.flush()
-            if synced:
-                os.fsync(file.fileno())
-        replace(temporary, path)
-
-
-@contextmanager
-def _until(path: str | PathLike[str]) -> Iterator[None]:
-    """An error while a file grows, as the sentence about it."""
-    try:
-        yield
-    except OSError as error:
-        raise ExportError(f"{path}: cannot be written any further ({reason_of(error)}).") from error
