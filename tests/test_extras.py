@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 
 
-@pytest.mark.parametrize("extra", ["mdf", "mat", "parquet", "can", "fleet"])
+@pytest.mark.parametrize("extra", ["mdf", "mat", "can", "fleet"])
 def test_a_command_names_the_libraries_of_an_extra_and_the_interpreter_at_hand(extra):
     words = shlex.split(install_command(extra))
     assert sys.executable in words
