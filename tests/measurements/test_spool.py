@@ -157,7 +157,7 @@ def test_an_empty_folder_that_could_not_be_removed_is_removed_by_the_next_run(tm
     assert list(tmp_path.iterdir()) == []
 
 
-def nowhere(path, _parts):
+def nowhere(path, _parts, _folder):
     raise ExportError(f"{path}: cannot be written.")
 
 

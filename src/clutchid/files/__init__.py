@@ -28,11 +28,18 @@ _CHUNK = 1 << 20
 
 
 @contextmanager
-def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
-    """Temporary file beside `path` that replaces it when the block ends without an error.
+def atomic_write(path: str | PathLike[str], folder: Path | None = None) -> Iterator[Path]:
+    """Temporary file that replaces `path` when the block ends without an error.
 
     On any error the temporary file is removed and an existing file stays unchanged. The temporary name has the suffix
     of `path`, for libraries that choose a format by it. Errors that name another file are raised as they are.
+
+    Parameters
+    ----------
+    path
+        The file.
+    folder
+        Folder of the temporary file, on the same disk; by default it is beside `path`.
 
     Raises
     ------
@@ -51,7 +58,7 @@ def atomic_write(path: str | PathLike[str]) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         target = writable_target(path)
-        temporary = target.parent / f".clutchid-{secrets.token_hex(6)}{target.suffix}"
+        temporary = (folder or target.parent) / f".clutchid-{secrets.token_hex(6)}{target.suffix}"
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         yield temporary
         if target.exists():

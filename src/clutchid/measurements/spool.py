@@ -85,7 +85,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
             yield spool.add
             try:
                 free.truncate(0)
-                _make_file(target, spool.parts, moved)
+                _make_file(target, spool.parts, folder, moved)
             except OSError as error:
                 with suppress(OSError):
                     spool.write()
@@ -196,20 +196,22 @@ def _whole_parts(data: BinaryIO) -> Iterator[bytes]:
         yield part
 
 
-def _make_file(target: Path, parts: Callable[[], Iterator[bytes]], moved: Callable[[Path], None] | None) -> None:
+def _make_file(
+    target: Path, parts: Callable[[], Iterator[bytes]], folder: Path, moved: Callable[[Path], None] | None
+) -> None:
     """Make the file of its parts; in the folder for temporary files where that cannot be."""
     try:
-        _join(target, parts)
+        _join(target, parts, folder)
     except OSError:
         if moved is None:
             raise
         other = Path(tempfile.mkdtemp(prefix="clutchid-")) / target.name
-        _join(other, parts)
+        _join(other, parts, other.parent)
         moved(other)
 
 
-def _join(target: Path, parts: Callable[[], Iterator[bytes]]) -> None:
-    """Make a file of its parts, in constant memory.
+def _join(target: Path, parts: Callable[[], Iterator[bytes]], folder: Path) -> None:
+    """Make a file of its parts, in constant memory; until it is whole it is in a folder that goes with the pieces.
 
     Raises
     ------
@@ -226,7 +228,7 @@ def _join(target: Path, parts: Callable[[], Iterator[bytes]]) -> None:
     def frames(*_: object) -> Iterator[pl.DataFrame]:
         return map(pl.read_ipc_stream, pieces)
 
-    with atomic_write(target) as temporary, temporary.open("wb") as file:
+    with atomic_write(target, folder) as temporary, temporary.open("wb") as file:
         if target.suffix.lower() == ".csv":
             file.writelines(pieces)
         elif first:
@@ -253,7 +255,7 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
                 (folder / _RESERVED).unlink(missing_ok=True)
                 if len(list(islice(_whole_parts(data), 2))) == 2:  # the metadata, and a piece
                     free = _free_name(target)
-                    _join(free, lambda: _whole_parts(data))
+                    _join(free, lambda: _whole_parts(data), folder)
                     files.append(free)
             shutil.rmtree(folder)  # once they are closed: Windows removes no open file
     return files
