@@ -26,7 +26,7 @@ from clutchid.measurements.source import BLOCK, Source, Table, joined_tables
 from clutchid.processes import Limits, Worker, WorkerEnd
 
 #: Kinds of text that are read in this process, by our own code.
-_OWN = ("csv", "candump", "frames")
+_OWN = ("csv", "candump")
 
 
 def open_source(path: str | PathLike[str], dbc: Sequence[str | PathLike[str]] = ()) -> Source:
