@@ -49,9 +49,13 @@ def test_what_is_written_is_read_again(tmp_path_factory, items, raster, rate, db
 def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save):
     comments = {"position": "0 to 20 mm", "duty_exhaust": "candidates: 'A'", "rate": "samples per second"}
     text = map_text(ChannelMap({"position": Channel("Weg")}, comments=comments), Path())
-    assert "\n\n# rate = 1000.0  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
+    assert "\n\n# rate = ?  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
     assert "\n# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A'\n" in text
-    filled = text.replace("# rate", "rate").replace("# [duty", "[duty").replace('# channel = "?"', 'channel = "A"')
+    filled = (
+        text.replace("# rate = ?", "rate = 1000.0")
+        .replace("# [duty", "[duty")
+        .replace('# channel = "?"', 'channel = "A"')
+    )
     channel_map = read_map(save(filled, "MAP.toml"))
     assert channel_map.rate == 1000.0
     assert {name: entry.channel for name, entry in channel_map.channels.items()} == {

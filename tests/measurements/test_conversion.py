@@ -263,7 +263,12 @@ HUGE = {"t": ("s", SLOW), "Weg": ("m", np.full(SLOW.size, 1e300))}
             r"rate = 500 Hz and \[time\] both define the time; keep one of them",
         ),
         (TRAVEL, True, rated(), "rate = 500 Hz: the file has a time channel, 't'; remove rate from the map"),
-        (WITHOUT_TIME, False, POSITION, r"add \[time\] to the map, or rate = 1000.0 above its first table, in Hz"),
+        (
+            WITHOUT_TIME,
+            False,
+            POSITION,
+            r"add \[time\] to the map, or the rate of the samples in Hz as `rate` above its first table",
+        ),
         (HUGE, True, ChannelMap({"position": Channel("Weg", factor=1e300)}), "'Weg' is infinite in rows 1-200"),
         (HUGE, True, ChannelMap({"position": Channel("Weg", offset=1.7e308, factor=1e300)}), "infinite in rows 1-200"),
     ],

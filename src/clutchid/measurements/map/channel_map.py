@@ -215,7 +215,7 @@ def map_text(content: ChannelMap, folder: Path) -> str:
         top["dbc"] = [_relative(file, folder) for file in content.dbc]
     top |= {key: value for key in ("raster", "rate") if (value := getattr(content, key)) is not None}
     if content.rate is None and "rate" in content.comments:
-        blank = f"# rate = 1000.0  # {content.comments['rate']}\n"
+        blank = f"# rate = ?  # {content.comments['rate']}\n"
     parts = [
         "# Channel map of clutchid: quantity = sign * factor * sample + offset in the unit, taken at stamp - delay.",
         (blank + tomli_w.dumps(top)).rstrip(),

@@ -105,7 +105,7 @@ def _clock(
         names = " and ".join(f"'{column.text}'" for column, _ in columns.values())
         problems.append(
             f"{names}: the file defines no time axis for {'it' if len(columns) == 1 else 'them'}; add [time] to the "
-            "map, or rate = 1000.0 above its first table, in Hz, if the samples are equally spaced."
+            "map, or the rate of the samples in Hz as `rate` above its first table, if they are equally spaced."
         )
         return None
     if rate is None and heading is not None:

@@ -445,7 +445,7 @@ def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], c
         return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
     if not named:
         if name == "time":
-            return "time: no channel name matches; add it to the map, or rate = 1000.0 (Hz)."
+            return "time: no channel name matches; add it to the map, or the rate of the samples in Hz as `rate`."
         return f"{name}: no channel name matches; add it to the map ({choice})."
     names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in named[:5])
     return f"{name}: only constant channels match by name, {names}; add the right one to the map."
