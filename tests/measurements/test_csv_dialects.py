@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import clutchid.measurements as cio
 from clutchid.errors import DataError
 from clutchid.measurements.formats.csv import file as csv_file
-from clutchid.measurements.formats.csv import lines as csv_lines
+from clutchid.measurements.formats.csv import text as csv_text
 from clutchid.measurements.formats.csv.cells import nanoseconds
 from clutchid.measurements.formats.csv.cells import written as in_iso
 from clutchid.measurements.formats.csv.file import open_file
@@ -103,7 +103,7 @@ def test_one_cell_that_can_only_be_read_one_way_tells_the_decimal_mark_even_far_
 
 
 def test_blocks_have_the_same_numbers_lines_and_problems_as_the_whole(save, parser, monkeypatch):
-    monkeypatch.setattr(csv_lines, "CHUNK", 64)
+    monkeypatch.setattr(csv_text, "CHUNK", 64)
     text = "time [s],position [m],note\n" + "".join(f"{i},{i / 8},\n" for i in range(100))
     text = text.replace("\n50,6.25,", "\n50,x,").replace("\n70,8.75,\n", "\n70\n\n")
     source, (whole,), columns = read(save(text))
@@ -178,7 +178,7 @@ def test_whatever_table_in_whatever_dialect_is_read_back_exactly(tmp_path_factor
     path.write_bytes(content)
     with pytest.MonkeyPatch.context() as patch:
         force(way, patch)
-        patch.setattr(csv_lines, "CHUNK", chunk)
+        patch.setattr(csv_text, "CHUNK", chunk)
         source, tables, columns = read(path, rows)
     np.testing.assert_array_equal(np.array(columns).T, values)
     assert [column.unit for column in source.rasters[0].headings] == labels
@@ -318,7 +318,7 @@ def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
         cio.read(save("Zeit;Weg [mm];Ventil_Be [%];Ventil_Ent [%]\n" + rows))
 
 
-@pytest.mark.parametrize("cell", [*STAMPS["none"], *STAMPS["no hour of a half day"]])
+@pytest.mark.parametrize("cell", STAMPS["none"])
 def test_what_is_no_stamp_has_no_time(cell):
     assert nanoseconds(cell) is None
 

@@ -124,6 +124,13 @@ def test_a_value_belongs_to_the_time_column_before_it(hunt, drive, name, mapped)
         assert np.isfinite(log["duty_supply"][log.time >= 0.14]).mean() > 0.95
 
 
+def test_a_signal_has_the_time_before_it_where_labview_writes_one_for_each(hunt):
+    """50: the valves begin 0.5 s later."""
+    log = read(hunt / "50_multi_x.lvm")
+    assert log.time[np.argmax(log["duty_supply"] > 0)] == pytest.approx(0.8, abs=0.009)
+    assert np.array_equal(np.isnan(log["duty_supply"]), log.time < 0.5 - 1e-6)
+
+
 def test_timetables_of_a_file_share_one_zero(hunt):
     """23: the second starts 0.13 s later."""
     pytest.importorskip("matio")

@@ -178,7 +178,7 @@ def test_a_disk_that_does_not_give_samples_is_said_of_the_recording(recording, s
         raise OSError(5, "Input/output error")
 
     path = save(recording())
-    monkeypatch.setattr("clutchid.measurements.formats.csv.file.line_blocks", failing)
+    monkeypatch.setattr("clutchid.measurements.formats.csv.text.TextFile.blocks", failing)
     words = r"run\.csv: cannot be read \(Input/output error\)"
     with pytest.raises(DataError, match=words), atomic_write(tmp_path / "other.csv"):
         cio.read(path)

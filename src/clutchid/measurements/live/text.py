@@ -17,8 +17,8 @@ from clutchid.measurements.checks import in_si
 from clutchid.measurements.columns import Heading, headings
 from clutchid.measurements.conversion import picked_values
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
-from clutchid.measurements.formats.csv.lines import BOMS_UTF16, LineBlock
-from clutchid.measurements.formats.csv.rows import read_rows
+from clutchid.measurements.formats.csv.rows import TextReading
+from clutchid.measurements.formats.csv.text import BOMS_UTF16, TextBlock
 from clutchid.measurements.formats.json_lines import keys_of, read_objects
 from clutchid.measurements.grids import columns_of_times, increase
 from clutchid.measurements.live.arrival import LiveBlock, live_blocks
@@ -163,12 +163,14 @@ def _objects(keys: Sequence[str], columns: tuple[Heading, ...], text: bytes, cho
 
 def _cells(notation: Dialect, text: bytes, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
-    text, selected = text.rstrip() + b"\n", [notation.headings[index] for index in chosen]
-    part = read_rows(LineBlock(1, text, text.count(b"\n")), notation, selected, small=True, by_line=True)
-    spoiled = np.zeros(part.table.size, dtype=bool)
-    for rows in part.table.unread.values():
+    reading = TextReading(notation, [notation.headings[index] for index in chosen], small=True, by_line=True)
+    reading.add(TextBlock(1, text.rstrip() + b"\n"))
+    left_out = len(reading.ragged) + len(reading.left_out)
+    table = reading.table()
+    spoiled = np.zeros(table.size, dtype=bool)
+    for rows in table.unread.values():
         spoiled[rows] = True
-    return TextRows(part.table, spoiled, part.ragged_count + len(part.left_out))
+    return TextRows(table, spoiled, left_out)
 
 
 def text_blocks(

@@ -9,23 +9,20 @@ from pathlib import Path
 
 from clutchid.log import Log
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
-from clutchid.measurements.formats.csv.lines import HEAD_BYTES, TextLines, line_blocks, sample, text_lines
-from clutchid.measurements.formats.csv.rows import ParsedRows, joined_parts, part_table, read_rows
+from clutchid.measurements.formats.csv.rows import TextReading
+from clutchid.measurements.formats.csv.text import ENCODINGS, TextFile, text_file
 from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
 
 #: Bytes of a file that is read without polars where it is plain.
 _SMALL = 8e6
 
+#: Lines and bytes at the start of a file that determine its dialect, and the most cells of a line.
+_HEAD, _HEAD_BYTES, _WIDEST = 2000, 1 << 20, 10_000
+
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
 _LONG = (
-    f"line 1 is longer than {HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
+    f"line 1 is longer than {_HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
 )
-_EMPTY = f"the file is empty; {EXAMPLE}"
-
-_MONTHS = 12
-
-#: Largest number of cells per line.
-_WIDEST = 10_000
 
 #: Cells with an unambiguous decimal mark, in any line.
 _UNAMBIGUOUS = (
@@ -39,11 +36,6 @@ def open_file(path: Path) -> Source:
 
     A file without a header has columns ``column 1``, ``column 2`` and so on, and `Source.unnamed` says that it needs a
     channel map. The size of the time grid includes blank and invalid lines.
-
-    Parameters
-    ----------
-    path
-        The file.
 
     Raises
     ------
@@ -61,31 +53,31 @@ def open_file(path: Path) -> Source:
     >>> source.metadata["dialect"], table.headings[1].unit, table.numbers[1].tolist()
     ('UTF-8, semicolon, decimal comma, names on line 2, samples from line 3', 'mm', [0.25, 0.5])
     """
-    lines = text_lines(path)
-    if lines is None:
+    text = text_file(path)
+    if text is None:
         return refused(path, "CSV", _NOT_TEXT)
-    first = sample(lines)
-    if len(first) == 1 and len(first[0]) > HEAD_BYTES:
+    lines = text.head(_HEAD, _HEAD_BYTES)
+    if len(lines[0]) > _HEAD_BYTES:
         return refused(path, "CSV", _LONG)
-    wide = next((number for number, line in enumerate(first, start=1) if _is_wide(line)), 0)
-    if wide:
-        cells = f"line {wide} has more than {_WIDEST:,} cells"
+    wide = (n for n, line in enumerate(lines, 1) if len(line) > _WIDEST and max(map(line.count, ",;\t| ")) >= _WIDEST)
+    if number := next(wide, 0):
+        cells = f"line {number} has more than {_WIDEST:,} cells"
         return refused(path, "CSV", f"{cells}; write one column per channel and one line per sample.")
-    notation = dialect(first)
+    notation = dialect(lines)
     if notation is None:
-        return refused(path, "CSV", _EMPTY)
-    notation = _with_decimal_mark(lines, notation)
-    names = {"utf-8": "UTF-8", "utf-16": "UTF-16", "cp1252": "Windows-1252"}
-    names |= dict.fromkeys(("utf-16-le", "utf-16-be"), "UTF-16 without a mark")
-    metadata = {**notation.about, "dialect": f"{names[lines.encoding]}, {notation.text}"}
+        return refused(path, "CSV", f"the file {'has no table' if text.last else 'is empty'}; {EXAMPLE}")
+    notation = _with_decimal_mark(text, notation)
+    metadata = {**notation.about, "dialect": f"{ENCODINGS[text.encoding]}, {notation.text}"}
     if notation.start:
         metadata["start"] = notation.start
     unnamed = "" if notation.header else f"line {notation.samples}: the first line contains numbers; {EXAMPLE}"
-    texts = [heading for heading in notation.headings if heading.text and notation.forms[heading.index].kind == "text"]
-    size, others = max(0, lines.last - notation.samples + 1), tuple((heading.text, "text") for heading in texts)
-    raster = Raster(notation.headings, size, clock=notation.clock, others=others)
-    tables = partial(_tables, lines, notation)
-    return Source(path, "CSV", (raster,), tables, notation.problems, _ambiguity(notation), metadata, unnamed)
+    texts = [heading.text for heading in notation.headings if notation.forms[heading.index].kind == "text"]
+    others = tuple((text, "text") for text in texts if text)
+    raster = Raster(notation.headings, max(0, text.last - notation.samples + 1), clock=notation.clock, others=others)
+    both = not notation.header and (notation.separator, len(notation.headings), notation.decimal) == (",", 2, "")
+    doubt = "two columns of integers without names were found; this may also be one column with a decimal comma."
+    tables = partial(_tables, text, notation)
+    return Source(path, "CSV", (raster,), tables, notation.problems, (doubt,) * both, metadata, unnamed)
 
 
 def save(log: Log, path: Path) -> None:
@@ -102,51 +94,31 @@ def save(log: Log, path: Path) -> None:
         to_frame(log).with_columns(pl.all().fill_nan(None)).write_csv(file)
 
 
-def _is_wide(line: str) -> bool:
-    cells = (len(line.split()), *map(line.count, ",;\t|")) if len(line) > _WIDEST else (0,)
-    return max(cells) > _WIDEST
-
-
-def _ambiguity(notation: Dialect) -> tuple[str, ...]:
-    """Warning about two columns that may be one with a decimal comma, or about a date that may be another."""
-    if match := re.match(r"(\d{1,2})/(\d{1,2})/", notation.started):
-        month, day = map(int, match.groups())
-        if month <= _MONTHS and day <= _MONTHS and month != day:
-            shown = notation.started.split()[0]
-            return (
-                f"the date {shown} is read as {notation.start[:10]}, month first; write it like that if it is not.",
-            )
-    if notation.header or (notation.separator, len(notation.headings), notation.decimal) != (",", 2, ""):
-        return ()
-    return ("two columns of integers without names were found; this may also be one column with a decimal comma.",)
-
-
-def _with_decimal_mark(lines: TextLines, notation: Dialect) -> Dialect:
+def _with_decimal_mark(text: TextFile, notation: Dialect) -> Dialect:
     """The dialect with the decimal mark of later lines, if the first ones are ambiguous."""
     if notation.decimal or notation.separator == ",":
         return notation
-    for block in line_blocks(lines, notation.samples - 1, BLOCK):
+    for block in text.blocks(notation.samples, BLOCK):
         if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
             return notation.with_decimal("." if match["point"] else ",")
     return notation
 
 
 def _tables(
-    lines: TextLines, notation: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
+    text: TextFile, notation: Dialect, _raster: int, columns: Sequence[int], rows: int | None = None
 ) -> Iterator[Table]:
     """The tables of the only time grid, see `Tables`."""
-    selected = [notation.headings[index] for index in columns]
-    if lines.last < notation.samples:
+    if text.last < notation.samples:
         problem = f"line {notation.header}: there is a header, but no samples below it."
         yield Table(notation.headings, problems=(problem,))
         return
-    small, parts = lines.path.stat().st_size < _SMALL, list[ParsedRows]()
-    for block in line_blocks(lines, notation.samples - 1, rows or (lines.last if small else BLOCK)):
-        parts.append(read_rows(block, notation, selected, small=small))
-        broken = parts[-1].broken
+    small = text.path.stat().st_size < _SMALL
+    reading = TextReading(notation, [notation.headings[index] for index in columns], small=small)
+    for block in text.blocks(notation.samples, rows or (text.last if small else BLOCK)):
+        reading.add(block)
         if rows is not None:
-            yield from part_table(parts.pop(), notation).parts(rows)
-        if broken:
+            yield from reading.table().parts(rows)
+        if reading.broken:
             break
     if rows is None:
-        yield part_table(joined_parts(parts), notation)
+        yield reading.table()
