@@ -164,7 +164,8 @@ def _objects(keys: Sequence[str], columns: tuple[Heading, ...], text: bytes, cho
 def _cells(notation: Dialect, text: bytes, chosen: Sequence[int]) -> TextRows:
     """The rows of a block of lines of CSV."""
     reading = TextReading(notation, [notation.headings[index] for index in chosen], small=True, by_line=True)
-    reading.add(TextBlock(1, text.rstrip() + b"\n"))
+    text = text.rstrip() + b"\n"
+    reading.add(TextBlock(1, text, text.count(b"\n")))
     left_out = len(reading.ragged) + len(reading.left_out)
     table = reading.table()
     spoiled = np.zeros(table.size, dtype=bool)

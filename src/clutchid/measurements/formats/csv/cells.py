@@ -141,6 +141,7 @@ def plain_number(text: str) -> float | None:
     return value if text.isascii() and "_" not in text else None
 
 
+@lru_cache(maxsize=1 << 14)
 def numberlike(cell: str) -> bool:
     """Whether a cell is a sample: a number with either decimal mark, with or without grouping, or a date or time."""
     cell = cell.strip()

@@ -168,7 +168,7 @@ def _candidates(filled: Lines, separator: str) -> Iterator[_Candidate]:
     """Ways to read the lines with a separator: samples below a line of standard names, or where the numbers begin."""
     rows = [split(text, separator) for _, text in filled]
     for at, cells in enumerate(rows[:_TOP]):
-        if is_comment(filled[at][1], separator):
+        if is_comment(filled[at][1], separator) or not is_words(cells):
             continue
         width = _usual_width(rows[at + 1 :][:_SCORED] or [cells])
         standard = [heading for heading in headings(split_header(filled[at][1], separator, width)) if heading.name]

@@ -66,7 +66,7 @@ class TextReading:
         unread: dict[int, Rows] = {}
         places = Places("line", block.first)
         if numbers is None:
-            cells = _cells(plain, self.dialect, self.selected) if plain is not None else {}
+            cells = _cells(plain, block.lines, self.dialect, self.selected) if plain is not None else {}
             read = {index: self._read(index, texts) for index, texts in cells.items()}
             if not cells or any(
                 rows.size for _, rows, _ in read.values()
@@ -210,25 +210,20 @@ def _numbers(text: bytes, dialect: Dialect, selected: Sequence[Heading]) -> dict
     return None
 
 
-def _cells(text: bytes, dialect: Dialect, selected: Sequence[Heading]) -> Mapping[int, pl.Series]:
+def _cells(text: bytes, lines: int, dialect: Dialect, selected: Sequence[Heading]) -> Mapping[int, pl.Series]:
     """The columns of lines that polars cuts, as numbers where all are; none where it cuts other lines."""
     import polars as pl
 
-    width, places = range(len(dialect.headings)), [column.index for column in selected]
-    lines, pointed = text.count(b"\n") + (not text.endswith(b"\n")), _with_points(text, dialect, selected)
-    for content in (pointed, text):
-        kinds = [
-            pl.Float64() if dialect.forms[i].kind == "number" and content is pointed else pl.String() for i in width
-        ]
+    places = [column.index for column in selected]
+    numeric = {str(index): pl.Float64() for index in places if dialect.forms[index].kind == "number"}
+    for content, kinds in ((_with_points(text, dialect, selected), numeric), (text, {})):
         with suppress(pl.exceptions.PolarsError, pl.exceptions.PanicException):
-            frame = pl.read_csv(
-                content or b"",
-                has_header=False,
-                separator=dialect.separator,
-                schema={str(i): kind if i in places else pl.String() for i, kind in enumerate(kinds)},
-                columns=places,
-            )
-            return {index: frame[str(index)] for index in places} if frame.height == lines else {}
+            schema = {str(index): pl.String() for index in range(len(dialect.headings))} | kinds
+            if content is not None:
+                frame = pl.read_csv(
+                    content, has_header=False, separator=dialect.separator, schema=schema, columns=places
+                )
+                return {index: frame[str(index)] for index in places} if frame.height == lines else {}
     return {}
 
 

@@ -22,15 +22,11 @@ _CONTROL = bytes({*range(32), 127} - {9, 10, 11, 12, 13, 26})
 
 @dataclass(frozen=True, slots=True)
 class TextBlock:
-    """Whole lines of a file, but for an end of its last line: number of the first one, and text in UTF-8."""
+    """Whole lines, but for the end of the last line of a file: number of the first one, text in UTF-8, their number."""
 
     first: int
     text: bytes
-
-    @property
-    def lines(self) -> int:
-        """Number of lines."""
-        return self.text.count(b"\n") + (not self.text.endswith(b"\n"))
+    lines: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,16 +75,15 @@ class TextFile:
             if piece is not None and lacking > 0 and size < _MOST:
                 continue
             text = b"".join(pending)
-            if piece is None:
-                end = text.find(b"\n", len(text.rstrip()))
-                if text.strip():
-                    yield TextBlock(number, text[: end + 1 or None])
-                return
             end = text.rfind(b"\n") + 1 or len(text)
+            if piece is None:
+                end = text.find(b"\n", len(text.rstrip())) + 1 or len(text)
+            count = text.count(b"\n", 0, end) + (text[end - 1 : end] != b"\n")
             pending, lacking = [text], 1
-            if text.count(b'"', 0, end) % 2 == 0 or size >= _MOST:
-                yield TextBlock(number, text[:end])
-                number, pending, lacking = number + max(text.count(b"\n"), 1), [text[end:]], rows
+            if text.count(b'"', 0, end) % 2 == 0 or size >= _MOST or piece is None:
+                if text[:end].strip():
+                    yield TextBlock(number, text[:end], count)
+                number, pending, lacking = number + count, [text[end:]], rows
 
 
 def text_file(path: Path) -> TextFile | None:
