@@ -73,7 +73,7 @@ def test_a_line_that_is_too_long_takes_no_other_with_it(sizes):
     assert (time.size, unreadable) == (398, 2)
 
 
-@pytest.mark.parametrize("value", ["true", '"0.5"', "false", '"1"'])
+@pytest.mark.parametrize("value", ["true", '"0,5"', "false", '"on"'])
 def test_only_a_number_of_json_is_a_number(value):
     lines = ['{"time [s]": 0.0, "a": 1}', f'{{"time [s]": 0.1, "a": {value}}}', '{"time [s]": 0.2, "a": null}']
     (time, a), unreadable = read([("\n".join(lines) + "\n").encode()], (0, 1))
@@ -81,6 +81,14 @@ def test_only_a_number_of_json_is_a_number(value):
     assert a[0] == 1.0
     assert np.isnan(a[1:]).all()
     assert unreadable == 1
+
+
+def test_a_number_of_json_may_be_written_as_text():
+    lines = ['{"time [s]": "0.0", "a": 1}', '{"time [s]": "0.1", "a": "-2e-1"}', '{"time [s]": 0.2, "a": ""}']
+    (time, a), unreadable = read([("\n".join(lines) + "\n").encode()], (0, 1))
+    assert time.tolist() == [0.0, 0.1, 0.2]
+    assert a[:2].tolist() == [1.0, -0.2]
+    assert (np.isnan(a[2]), unreadable) == (True, 0)
 
 
 @pytest.mark.parametrize(

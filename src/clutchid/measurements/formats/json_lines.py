@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import headings
+from clutchid.measurements.formats.csv.cells import plain_number
 from clutchid.measurements.source import Places, Raster, Source, Table, refused
 
-#: Types of a number in JSON, and of null; neither a string nor true is one.
+#: Types of a number in JSON, and of null; true is none, and a string is one if it is written like one.
 _NUMBERS = {int, float, type(None)}
 
 
@@ -45,7 +46,7 @@ def read_objects(text: bytes, keys: Sequence[str]) -> tuple[list[FloatArray], ND
 
     Examples
     --------
-    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0.5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
+    >>> columns, spoiled, left_out = read_objects(b'{"a": 1, "b": "0,5"}\\n{"a": 2.5}\\n{"a": 3, "b"\\n', ["a", "b"])
     >>> columns, spoiled.tolist(), left_out
     ([array([1. , 2.5]), array([nan, nan])], [True, False], 1)
     """
@@ -93,6 +94,8 @@ def _number(value: Any) -> float | None:
     """A value as a number, NaN for null; None if it is none."""
     if value is None:
         return math.nan
+    if isinstance(value, str):
+        return plain_number(value)
     try:
         return float(value) if type(value) in _NUMBERS else None
     except OverflowError:
