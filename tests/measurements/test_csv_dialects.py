@@ -55,11 +55,6 @@ def test_a_table_is_read_as_its_content_tells(save, parser, table):
     assert table.get("metadata", {}).items() <= source.metadata.items()
 
 
-def test_a_recording_without_names_is_refused(save):
-    with pytest.raises(DataError, match="the first line contains numbers"):
-        cio.read(save("0;1,5\n1;2,5\n"))
-
-
 WORDS = ["-nan(ind)", "#DIV/0!", "NaN", "nan", "NA", "n/a", "-", "#N/A", "null", "", " ", "NULL", "None", "--",
          "1.#QNAN", " n/a "]  # fmt: skip
 
@@ -241,18 +236,6 @@ def test_dates_and_times_are_read_as_they_are_written(cell, stamp):
     assert nanoseconds(cell) is not None
 
 
-@pytest.mark.parametrize("small", [True, False])
-@pytest.mark.parametrize("form", ["{:g} sec", "01-May-2024 12:00:{:06.3f}", "2024-05-01 12:00:{:06.3f}"])
-def test_row_times_of_a_timetable_are_seconds(save, form, small):
-    stamps = np.arange(40) * 0.25
-    rows = "".join(f"{form.format(t)},{t / 10:.3f},{k % 2},{(k + 1) % 2}\n" for k, t in enumerate(stamps))
-    source = open_file(save("Time,position [mm],duty_supply [1],duty_exhaust [1]\n" + rows))
-    (table,) = source.tables(0, [0, 1]) if small else [next(source.tables(0, [0, 1], 10**6))]
-    assert table.problems == ()
-    assert table.headings[0].si == "s"
-    np.testing.assert_allclose(table.numbers[0], stamps, atol=1e-9)
-
-
 @pytest.mark.parametrize("form", ["12:00:{:02d}.{}", "12:00:{:02d}:{}", "{}.{}", "2024-05-01T12:00:{:02d}.{}"])
 @pytest.mark.parametrize("interval", [2, 10])
 def test_milliseconds_without_their_zeros_are_refused(save, form, interval):
@@ -316,11 +299,6 @@ def test_times_that_are_not_read_are_named_with_how_to_write_them(save, cell):
     rows = "".join(f"{cell};{i};{i % 2};{(i + 1) % 2}\n" for i in range(9))
     with pytest.raises(DataError, match="time: 'Zeit' holds text; write seconds, or times such as 2024-05-01T12:00:00"):
         cio.read(save("Zeit;Weg [mm];Ventil_Be [%];Ventil_Ent [%]\n" + rows))
-
-
-@pytest.mark.parametrize("cell", STAMPS["none"])
-def test_what_is_no_stamp_has_no_time(cell):
-    assert nanoseconds(cell) is None
 
 
 def test_a_time_that_counts_down_does_not_lack_zeros(save):
