@@ -90,7 +90,7 @@ def text_feed(pieces: Iterator[bytes], name: str) -> TextFeed:
         return TextFeed(_raster(columns), first, objects, partial(_objects, keys, columns))
     notation = dialect(first.decode().split("\n"))
     if notation is None:
-        raise DataError(f"{name}: has only comments; {EXAMPLE}")
+        raise DataError(f"{name}: has no table; {EXAMPLE}")
     if notation.problems:
         raise DataError(f"{name}: {notation.problems[0]}")
     below = _cut(first, notation.samples - 1)[1]

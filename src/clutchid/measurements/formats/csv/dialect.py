@@ -353,13 +353,14 @@ def _doubts(
                     f"column '{column.text}': the fraction {back[0][0]} is followed by {back[0][1]}, so they lack "
                     "zeros; write milliseconds with three digits."
                 )
-    if pair := _pair(named, _SIGNAL):
+    names, stamped = {column.name for column in named}, any(cells.kind == "stamp" for cells in forms)
+    if "position" not in names and (pair := _pair(named, _SIGNAL)):
         if forms[pair[0].index].kind == "text":
             yield (
                 f"has a row for each value: '{pair[0].text}' names the signal whose value '{pair[1].text}' holds; "
                 "pivot it, so that each signal has a column, and each time a row."
             )
-    elif pair := _pair(named, _SECONDS):
+    elif "time" not in names and not stamped and (pair := _pair(named, _SECONDS)):
         texts = [text for text in columns[pair[1].index] if text.isdigit() and len(text) <= len("999")]
         if len(texts) < len(columns[0]) or all(int(a) <= int(b) for a, b in pairwise(texts)):
             return
