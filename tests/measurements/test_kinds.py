@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import pickle
 import tarfile
 import zipfile
 
@@ -30,7 +31,8 @@ FOREIGN = {
     "run.crtd": (b"1714564800.250000 1R11 100 01 02\n", "CRTD log of frames; convert it to BLF or ASC"),
     "run.can": (b"//----\n// Microchip Technology Inc.\n", "log of Microchip's CAN analyzer; convert it"),
     "pgn.csv": (b"CSV CAN data\nTime;Channel;PGN;Flags;DLC;Data0\n", "table of frames; convert it to BLF or ASC"),
-    "run.raw": (b"|CF,2,1,1;|CK,1,3,1,1;", "imc FAMOS file; export"),
+    "run.raw": (b"|CF,2,1,1;|CK,1,3,1,1;\r\n|NO,1,8\0\0", "imc FAMOS file; export"),
+    "run.pkl": (pickle.dumps({"time": [0.0]}), "pickle of Python; write its columns as Parquet or CSV"),
     "head.dat": (b"DIAEXTENDED  {@:ENGLISH\n#BEGINGLOBALHEADER\n", "header of DIAdem, whose samples.*export"),
     "run.7z": (b"7z\xbc\xaf\x27\x1c\0\4", "7-Zip archive; unpack"),
     "run.xz": (b"\xfd7zXZ\x00\0", "XZ archive; unpack"),

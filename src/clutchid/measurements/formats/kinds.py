@@ -41,6 +41,11 @@ _FOREIGN = (
     (b"\x04\x22\x4d\x18", "an LZ4 archive", _UNPACK),
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "an Excel workbook or another Office file", "save the sheet as CSV UTF-8"),
     (b"TDSm", "a TDMS file of LabVIEW", _EXPORT),
+    (b"|CF,", "an imc FAMOS file", _EXPORT),
+    *(
+        (bytes([0x80, protocol]), "a pickle of Python", "write its columns as Parquet or CSV")
+        for protocol in range(2, 6)
+    ),
     (b"\x93NUMPY", "a NumPy array", "write its columns as CSV with a header such as time [s],position [m]"),
     (b"ARROW1", "an Arrow (Feather) file", "write it as Parquet"),
     (b"%PDF", "a PDF document", "name the recording itself"),
@@ -74,7 +79,6 @@ _TEXTS = (
     (r"(//.*\n)*//\s*Microchip Technology", "a log of Microchip's CAN analyzer", _FRAMES),
     (r"\*{3}BUSMASTER", "a log of BUSMASTER", _FRAMES),
     (r"(?i)\s*Chn\s+Identifier\s+Flg\s+DLC\b|\s*Kvaser Memorator Log\b", "a log of Kvaser", _FRAMES),
-    (r"\|CF,\d", "an imc FAMOS file", _EXPORT),
     (r"DIAEXTENDED\b", "a header of DIAdem, whose samples lie in other files", _EXPORT),
 )  # fmt: skip
 
