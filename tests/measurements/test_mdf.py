@@ -412,7 +412,8 @@ def test_what_asammdf_leaves_half_made_is_not_heard_of(small, monkeypatch, capfd
 
     monkeypatch.setattr("asammdf.blocks.mdf_v4.HeaderBlock", fail)
     assert open_file(small).problems == (
-        "is no complete MDF file (KeyError: 'address'); copy it again or convert it to MDF 4.10.",
+        "is no complete MDF file: its header or a block is cut off, damaged, or of a kind that asammdf does not read; "
+        "copy it again or convert it to MDF 4.10.",
     )
     gc.collect()
     assert capfd.readouterr() == ("", "")

@@ -16,7 +16,6 @@ from typing import IO, TYPE_CHECKING, Any
 
 from clutchid.errors import missing
 from clutchid.measurements.formats.mdf.numbers import convertible
-from clutchid.messages import shortened
 
 if TYPE_CHECKING:
     from asammdf import MDF
@@ -168,5 +167,7 @@ def _is_the_disk(error: Exception) -> bool:
 def _reason(error: Exception) -> str:
     if "Incomplete block" in str(error):
         return "is cut off: a block ends behind the end of the file; copy it again."
-    what = shortened(f"{type(error).__name__}: {error}".replace(". ", "; ").rstrip("."), 120)
-    return f"is no complete MDF file ({what}); copy it again or convert it to MDF 4.10."
+    return (
+        "is no complete MDF file: its header or a block is cut off, damaged, or of a kind that asammdf does not read; "
+        "copy it again or convert it to MDF 4.10."
+    )
