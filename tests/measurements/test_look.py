@@ -171,6 +171,13 @@ def test_the_repairs_of_read_are_shown_with_a_map(save):
     assert any("is not a duty cycle" in problem for problem in bad.problems)
 
 
+def test_a_clock_that_restarts_is_said_in_the_heading_in_place_of_a_negative_length(recording, save):
+    rows = recording(200).splitlines()
+    restarted = "\n".join([*rows, *rows[1:]]) + "\n"
+    heading = str(look(save(restarted, "twice.csv"))).splitlines()[0]
+    assert heading.endswith("400 samples from 0 s at 1000 Hz; the stamps go back once")
+
+
 def test_a_map_of_a_test_rig_needs_no_duty_cycles(save):
     entries = {"position": Channel("Weg", unit="mm"), "force": Channel("n", unit="N")}
     assert look(save(PLAIN), channels=ChannelMap(entries, rate=100.0)).problems == ()

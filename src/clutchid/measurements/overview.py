@@ -308,6 +308,9 @@ def _time_text(time: TimeAxis | None) -> str:
         return ", no time axis"
     if not math.isfinite(time.usual):
         return f" at {_short(time.first)} s"
+    if time.back:  # what is made of them stands in the warnings
+        times = "once" if time.back == 1 else f"{time.back:,} times"
+        return f" from {_short(time.first)} s at {_short(time.rate)} Hz; the stamps go back {times}"
     rate = f"{_short(time.rate)} Hz, every {_short(time.shortest)} to {_short(time.longest)} s"
     return f", {_short(time.duration)} s from {_short(time.first)} s at {rate}"
 
