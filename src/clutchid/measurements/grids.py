@@ -49,23 +49,19 @@ def with_own_grids(source: Source) -> Source:
             by_index[time] = replace(by_index[time], unit=next(iter(units)))
             unit = f"[{by_index[time].unit}], as that of the other times of the table, is guessed"
             warnings = (*warnings, f"time: '{by_index[time].text}' has no unit; {unit}.")
-    rasters, places, times_of = [], [], list(owned)
+    rasters, times = [], list(owned)
     for time, columns in owned.items():
-        indices = sorted([time, *columns])
-        headings = tuple(replace(by_index[index], index=i) for i, index in enumerate(indices))
+        headings = tuple(by_index[index] for index in sorted([time, *columns]))
         others = tuple((heading.text, texts[heading.text]) for heading in headings if heading.text in texts)
-        rasters.append(Raster(headings, raster.size, by_index[time].text, indices.index(time), others))
-        places.append(indices)
+        rasters.append(Raster(headings, raster.size, by_index[time].text, time, others))
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
         """The tables of a time grid, without the rows behind its end, in which it holds nothing."""
-        inside = places[raster]
-        for table in source.tables(0, sorted({*(inside[i] for i in columns), times_of[raster]}), rows):
+        for table in source.tables(0, sorted({*columns, times[raster]}), rows):
             there = np.any(np.isfinite(np.array(list(table.numbers.values()))), axis=0, keepdims=True)[0]
             samples = table.take(np.flatnonzero(there))
-            numbers = {i: samples.numbers[inside[i]] for i in columns}
-            unread = {inside.index(index): rows for index, rows in samples.unread.items()}
-            yield replace(samples, headings=rasters[raster].headings, numbers=numbers, unread=unread)
+            numbers = {index: samples.numbers[index] for index in columns}
+            yield replace(samples, headings=rasters[raster].headings, numbers=numbers)
 
     return replace(source, rasters=tuple(rasters), tables=tables, warnings=warnings)
 
@@ -113,10 +109,8 @@ def _alike(word: str, other: str) -> bool:
     return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
-def increase(table: Table | None, times: Sequence[int]) -> bool:
+def increase(table: Table, times: Sequence[int]) -> bool:
     """Whether the first samples of all of these columns increase, as times do."""
-    if table is None:
-        return False
     for index in times:
         stamps = table.numbers.get(index, np.empty(0))
         steps = np.diff(stamps[np.isfinite(stamps)])

@@ -308,7 +308,7 @@ def _timed(source: Source, ranges: Ranges) -> bool:
         clock, _ = own_clock(raster)
         if clock is None:
             return False
-        undefined = raster.headings[clock.index].unit is None
+        undefined = any(heading.index == clock.index and heading.unit is None for heading in raster.headings)
         if undefined and guessed_unit("time", ranges(index, clock)) not in (clock.unit, None):
             return False
     return bool(source.rasters)
