@@ -16,12 +16,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from forms import forms, outcome
 
-from clutchid.measurements import clock, conversion, grids, sparse, time_axis
+from clutchid.measurements import clock, columns, conversion, grids, sparse, time_axis
 
 #: Module, name, unit, and where the value comes from.
 THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (clock, "WINDOW", "s", "devices that write to one log are tens of ms apart in public logs of buses"),
-    (clock, "JUMP", "s", "twice the longest interval of a message that a fit needs, 10 Hz"),
+    (clock, "JUMP_AHEAD", "s", "twice the longest interval of a message that a fit needs, 10 Hz"),
     (clock, "_APART", "intervals", "four holes, which are five intervals"),
     (clock, "_APART_LEAST", "s", "twice the gap over which a step is judged, and five times what an observer bridges"),
     (clock, "_APART_SHARED", "s", "the interval of the slowest message of J1939-71 that is read, 1 Hz"),
@@ -41,7 +41,7 @@ THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (sparse, "_DIFFERENT", "", "what is written on change differs, but where a logger writes all of a group"),
     (sparse, "_REGULAR", "", "a guess: four of five intervals are alike where a message is sent at a rate"),
     (sparse, "_FEW", "samples", "a guess"),
-    (grids, "_BEGINNING", "letters", "pos for position, the shortest beginning of a word in data/hunt (03a)"),
+    (columns, "_BEGINNING", "letters", "pos for position, the shortest beginning of a word in data/hunt (03a)"),
     (grids, "_SHOWN", "samples", "a guess"),
     (grids, "_FORWARD", "", "a guess: rows of an outer join repeat their stamps"),
     (grids, "_BACK", "", "a guess: some restarts and lone stamps"),

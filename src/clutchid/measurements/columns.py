@@ -31,6 +31,9 @@ _GRAMMAR = re.compile(r"(?P<name>[^\[]*)(?:\[(?P<unit>[^\[\]]*)\]\s*(?:\.\d+|\(\
 #: A unit at the end of a name begins after one of these, or with a capital after a small letter.
 _UNIT_START = re.compile(r"[\s_.,:;(\[/-]+|(?<=[a-z0-9])(?=[A-Z])")
 
+#: Letters of a word that are enough for its beginning.
+_BEGINNING = 3
+
 _UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
 
 #: Number of columns that a message lists before it counts the rest, and longest name in it.
@@ -127,6 +130,12 @@ def _quantity_and_unit(text: str, unit: str | None) -> tuple[str | None, str | N
                 return name, unit
         return None, None
     return name, unit
+
+
+def same_word(word: str, other: str) -> bool:
+    """Whether a word of a name is another, or its beginning: pos, position."""
+    short, long = sorted((word, other), key=len)
+    return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
 def unit_at_end(text: str, si: str) -> str | None:

@@ -13,14 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.measurements.columns import Heading, is_unit_of
+from clutchid.measurements.columns import Heading, is_unit_of, same_word
 from clutchid.measurements.source import Raster, Source, Table
 
 #: Words of time columns, in lower case.
 _TIMES = frozenset(["t", "time", "zeit", "stamp", "timestamp", "timestamps", "zeitstempel", "tout"])
-
-#: Letters of a word that are enough for its beginning.
-_BEGINNING = 3
 
 #: Samples of the time columns that show whether they are times: they increase in this share, and decrease in this.
 _SHOWN, _FORWARD, _BACK = 1000, 0.2, 0.05
@@ -98,15 +95,9 @@ def _owned(headings: Sequence[Heading], times: Sequence[Heading]) -> dict[int, l
             last = heading.index
             continue
         parts = _words(heading.text)
-        called = [index for index, own in words.items() if any(_alike(a, b) for a in own - common for b in parts)]
+        called = [index for index, own in words.items() if any(same_word(a, b) for a in own - common for b in parts)]
         owned[called[0] if len(called) == 1 else last].append(heading.index)
     return {index: columns for index, columns in owned.items() if columns}
-
-
-def _alike(word: str, other: str) -> bool:
-    """Whether a word is another, or its beginning: pos, position."""
-    short, long = sorted((word, other), key=len)
-    return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
 def increase(table: Table, times: Sequence[int]) -> bool:

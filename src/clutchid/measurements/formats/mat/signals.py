@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 
 from clutchid.log import FloatArray
-from clutchid.measurements.columns import Heading, channel
+from clutchid.measurements.columns import Heading, channel, same_word
 from clutchid.measurements.formats.mat.contents import ArrayChannel, BrokenMat, Contents, ItemPath
 from clutchid.measurements.source import Raster
 from clutchid.names import printable
@@ -27,9 +27,6 @@ MOST_CHANNELS = 20_000
 #: Samples from which on a column that grows is taken for time.
 _FEWEST = 10
 
-#: Letters of a word that are enough for its beginning.
-_BEGINNING = 3
-
 _UNITS = ("unit", "units", "einheit", "einheiten")
 _LABELS = ("label", "name", "signalname")
 _REMARKS = ("description", "comment", "blockname")
@@ -39,7 +36,6 @@ _TIME = re.compile(
     r"(t|time|zeit|tout|timestamps?|zeitstempel|messzeit|elapsed_?time)(_?[\[(]?(s|sec|sek|ms|us|ns)[\])]?)?"
 )
 _TIMES = frozenset(("time", "times", "zeit", "tout", "timestamp", "timestamps", "zeitstempel"))
-
 
 #: The first samples of a signal, for a look at whether it may be time.
 Peek: TypeAlias = Callable[[ArrayChannel], FloatArray]
@@ -205,7 +201,7 @@ def _by_words(group: Sequence[ArrayChannel], peek: Peek) -> dict[ArrayChannel, l
             time: (len(time.path), len(own))
             for time, own in owners.items()
             if signal.path[: len(time.path) - 1] == time.path[:-1]
-            and all(any(_alike(word, other) for other in words[signal]) for word in own)
+            and all(any(same_word(word, other) for other in words[signal]) for word in own)
         }
         nearest = [time for time, rank in ranks.items() if rank == max(ranks.values())]
         if not nearest or any(not np.array_equal(peek(time), peek(nearest[0])) for time in nearest[1:]):
@@ -222,12 +218,6 @@ def _words(name: str) -> frozenset[str]:
     """
     words = re.findall(r"[^\W_]+?(?=[A-Z][a-z])|[^\W_]+", name)
     return frozenset(re.sub(r"^dgm(?=\d)", "dg", word.casefold()) for word in words)
-
-
-def _alike(word: str, other: str) -> bool:
-    """Whether a word is another, or its beginning: pos, position."""
-    short, long = sorted((word, other), key=len)
-    return short == long or (len(short) >= _BEGINNING and long.startswith(short))
 
 
 def _runs_on(values: FloatArray) -> bool:
