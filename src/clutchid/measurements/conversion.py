@@ -224,20 +224,25 @@ def _blocks(
     for table in tables:
         named = _named(table, chosen, count)
         said: Sequence[str] = ()
-        at = next((i for i, heading in enumerate(named.headings) if heading.name == "time"), None)
-        if at is not None and named.headings[at].index in named.numbers and named.headings[at].si:
-            stamps = in_si(named.headings[at], named.numbers[named.headings[at].index], ambient)
+        of_time = next((heading for heading in named.headings if heading.name == "time" and heading.si), None)
+        if of_time is not None:
+            stamps = in_si(of_time, named.numbers[of_time.index], ambient)
             if plan is not None:
                 stamps = plan.applied(stamps, count)
-            before: list[str] = []
             if chosen.sparse:  # its rows share a clock, whatever is in them
-                rows, time, before, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
-                named, stamps = _present(_kept(named, at, rows, time), at, time)
+                rows, time, said, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
+                values = [numbers[rows] for index, numbers in named.numbers.items() if index != of_time.index]
+                present = np.isfinite(values).any(axis=0)
+                named, stamps = named.take(rows[present]), time[present]
             repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
-            said, clock = [*before, *repaired.messages], repaired.clock
+            said, clock = [*said, *repaired.messages], repaired.clock
             if count == 0 and not table.problems:
-                messages.problems += _unplaced(named.headings[at], named.places, stamps.size, repaired.rows)
-            named = _kept(named, at, repaired.rows, repaired.time)
+                messages.problems += _unplaced(of_time, named.places, stamps.size, repaired.rows)
+            named = named.take(repaired.rows)
+            headings = tuple(
+                replace(heading, unit="s") if heading is of_time else heading for heading in named.headings
+            )
+            named = replace(named, headings=headings, numbers={**named.numbers, of_time.index: repaired.time})
         count += table.size
         columns, problems, warnings = check(named, ambient, holes_end=not chosen.on_change)
         messages.warnings += [f"{_where(source, chosen.raster)}{sentence}" for sentence in said]
@@ -258,13 +263,6 @@ def _unplaced(clock: Heading, places: Places, size: int, rows: Rows) -> list[str
         f"the time '{clock.text}' places only {rows.size:,} of {sample_count(size)}: the others have no time stamp, "
         f"repeat one or come late ({where}); write an increasing time for every sample, with enough digits."
     ]
-
-
-def _present(table: Table, at: int, stamps: FloatArray) -> tuple[Table, FloatArray]:
-    """The rows in which a channel besides the time has a value, and their stamps."""
-    values = [table.numbers[heading.index] for i, heading in enumerate(table.headings) if i != at]
-    rows = np.flatnonzero(np.isfinite(values).any(axis=0))
-    return _kept(table, at, rows, stamps[rows]), stamps[rows]
 
 
 def _plans(
@@ -340,18 +338,6 @@ def scaled(values: FloatArray, entry: Channel) -> FloatArray:
         return values
     with np.errstate(over="ignore", invalid="ignore"):  # `check` says which samples are not finite
         return scale * values + entry.offset
-
-
-def _kept(table: Table, at: int, rows: Rows, time: FloatArray) -> Table:
-    """Some rows of a table, with repaired time stamps in s; `at` is the place of the time among its headings."""
-    clock = table.headings[at]
-    headings = [
-        Heading(clock.index, clock.text, "time", "s") if i == at else heading
-        for i, heading in enumerate(table.headings)
-        if i == at or heading.name != "time"
-    ]
-    part = table.take(rows)
-    return replace(part, headings=tuple(headings), numbers={**part.numbers, clock.index: time})
 
 
 def _uniform(clock: Iterator[time_axis.SampleBlock], interval: float, longest: float) -> time_axis.ChannelStream:

@@ -48,11 +48,10 @@ def usual_interval(time: FloatArray) -> float:
         return float(np.median(forward)) if forward.size else math.inf
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class RepairedTime:
+class RepairedTime(NamedTuple):
     """Rows of a block that are kept, their time stamps in s, messages about changes, and the state of the clock."""
 
-    rows: NDArray[np.int64]
+    rows: Rows
     time: FloatArray
     messages: tuple[str, ...]
     clock: Clock
@@ -88,9 +87,9 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     1 sample repeats the time stamp of another (row 3); the later one is kept.
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
-    rows, time, said, after = on_clock(stamps, places, clock, shared=shared)
+    rows, time, said, after = clocked = on_clock(stamps, places, clock, shared=shared)
     if rows.size == stamps.size and (time > np.append(clock.last, time[:-1])).all():
-        return RepairedTime(rows, time, tuple(said), after)
+        return clocked
     if shared and time.size and (np.diff(time) < 0).any():
         order = np.argsort(time, kind="stable")
         rows, time = rows[order], time[order]
@@ -106,13 +105,8 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     return RepairedTime(rows[last], time[last], messages, after)
 
 
-def on_clock(
-    stamps: FloatArray, places: Places, clock: Clock = AT_START, *, shared: bool = False
-) -> tuple[Rows, FloatArray, list[str], Clock]:
-    """Rows that have a stamp, their stamps without restarts and bursts, sentences about these, and the clock after.
-
-    The stamps may still repeat, or be out of order.
-    """
+def on_clock(stamps: FloatArray, places: Places, clock: Clock, *, shared: bool) -> RepairedTime:
+    """Rows that have a stamp, their stamps without restarts and bursts; they may still repeat, or be out of order."""
     rows = np.flatnonzero(np.isfinite(stamps))
     time = stamps[rows]
     with np.errstate(over="ignore"):
@@ -121,7 +115,7 @@ def on_clock(
     if ordered and clock.shift == 0.0:
         last = float(time[-1])  # as it should be: nothing is to be found
         usual = clock.usual if math.isfinite(clock.usual) else float(steps.mean())
-        return rows, time, [], Clock(last, last, 0.0, usual)
+        return RepairedTime(rows, time, (), Clock(last, last, 0.0, usual))
     usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
     steady = steadied(time)
     said = []
@@ -135,7 +129,8 @@ def on_clock(
         time = time + np.repeat(shifts, [run.size for run in runs])
         rows, time = rows[np.isfinite(time)], time[np.isfinite(time)]
     said += sentences(changes, places, tolerance.apart)
-    return rows, time, said, replace(after, last=float(max(clock.last, time.max(initial=-math.inf))))
+    last = float(max(clock.last, time.max(initial=-math.inf)))
+    return RepairedTime(rows, time, tuple(said), replace(after, last=last))
 
 
 #: Bursts: as many at least, of as many samples on average, with no more than this share of the time within one.
