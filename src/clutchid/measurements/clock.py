@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -140,11 +139,6 @@ def runs_of(rows: Rows, time: FloatArray, before: float, tolerance: Tolerance) -
     greatest = np.maximum.reduceat(time, begins)
     fields = rows[begins].tolist(), (ends - begins).tolist(), time[begins].tolist(), greatest.tolist()
     return list(map(Run, *fields))
-
-
-def disordered(runs: Sequence[Run]) -> bool:
-    """Whether a clock ever steps back."""
-    return any(run.first < before.last for before, run in pairwise(runs))
 
 
 def joined_runs(runs: Iterable[Run], tolerance: Tolerance) -> list[Run]:
@@ -290,33 +284,17 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
         }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on.")
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ClockPlan:
-    """Shifts in s of a clock, by the row at which each begins; NaN where stamps are left out."""
-
-    rows: Rows
-    shifts: FloatArray
-
-    def applied(self, stamps: FloatArray, first: int) -> FloatArray:
-        """Stamps from the row `first` on, repaired; NaN where they are left out."""
-        if not self.rows.size:
-            return stamps
-        run = np.searchsorted(self.rows, np.arange(first, first + stamps.size), side="right") - 1
-        repaired: FloatArray = stamps + self.shifts[np.maximum(run, 0)]
-        return repaired
-
-    @classmethod
-    def of(cls, runs: Sequence[Run], shifts: Sequence[float]) -> ClockPlan:
-        """The plan that moves these runs by these shifts; empty where none moves."""
-        if not any(shifts):
-            return cls(np.empty(0, dtype=np.int64), np.empty(0))
-        return cls(np.array([run.row for run in runs], dtype=np.int64), np.array(shifts))
+def moved(stamps: FloatArray, first: int, runs: Sequence[Run], shifts: Sequence[float]) -> FloatArray:
+    """Stamps from the row `first` on, each with the shift in s of its run; NaN where they are left out."""
+    number = np.searchsorted([run.row for run in runs], np.arange(first, first + stamps.size), side="right") - 1
+    repaired: FloatArray = stamps + np.take(shifts, np.maximum(number, 0))
+    return repaired
 
 
 def matched(
     clocks: Sequence[Sequence[Run]], tolerances: Sequence[Tolerance]
-) -> tuple[list[ClockPlan], list[list[ClockChange]], str]:
-    """One shift for all groups of a file that have no common order, what changes in each, or why there is none.
+) -> tuple[list[list[float]], list[list[ClockChange]], str]:
+    """The shifts of the runs of all groups of a file that have no common order, what changes, or why there are none.
 
     Restarts are matched by number; those of one number must be near each other in all groups.
     """
@@ -339,13 +317,12 @@ def matched(
         restart = max(ends) - min(change.stamp for change in same) + apart
         periodic = all(change.kind == same[0].kind != "restart" for change in same)
         common.append(common[-1] + (same[0].amount if periodic else restart))
-    plans = []
+    every = []
     for runs, (shifts, _, _), group in zip(clocks, resolved, steps, strict=True):
         places = np.searchsorted([change.row for change in group], [run.row for run in runs], side="right").tolist()
         base = {n: shift for n, shift in reversed(list(zip(places, shifts, strict=True))) if not math.isnan(shift)}
-        moved = [shift - base.get(n, 0.0) + common[n] for shift, n in zip(shifts, places, strict=True)]
-        plans.append(ClockPlan.of(runs, moved))
-    return plans, changes, ""
+        every.append([shift - base.get(n, 0.0) + common[n] for shift, n in zip(shifts, places, strict=True)])
+    return every, changes, ""
 
 
 def _apart_sentence(when: str) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice, tee
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from clutchid.measurements.sparse import by_presence
 from clutchid.messages import sample_count
 
 _Item = TypeVar("_Item")
+
+#: The runs of a clock, and the shift of each in s.
+_ClockPlan: TypeAlias = tuple[Sequence[clock_rules.Run], Sequence[float]]
 
 #: Part of the memory limit that the values of a recording may take as a whole: reading holds them up to four times.
 _PART = 0.4
@@ -216,7 +219,7 @@ def _blocks(
     tables: Iterator[Table],
     ambient: float,
     messages: _Messages,
-    plan: clock_rules.ClockPlan | None,
+    plan: _ClockPlan | None,
 ) -> Iterator[time_axis.SampleBlock]:
     """The samples of a time grid, block by block, with increasing time stamps."""
     clock = whole = clock_rules.AT_START
@@ -228,7 +231,7 @@ def _blocks(
         if of_time is not None:
             stamps = in_si(of_time, named.numbers[of_time.index], ambient)
             if plan is not None:
-                stamps = plan.applied(stamps, count)
+                stamps = clock_rules.moved(stamps, count, *plan)
             if chosen.sparse:  # its rows share a clock, whatever is in them
                 rows, time, said, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
                 values = [numbers[rows] for index, numbers in named.numbers.items() if index != of_time.index]
@@ -267,8 +270,8 @@ def _unplaced(clock: Heading, places: Places, size: int, rows: Rows) -> list[str
 
 def _plans(
     source: Source, picks: Sequence[PickedChannels], ambient: float, messages: _Messages
-) -> dict[int, clock_rules.ClockPlan]:
-    """One clock for time grids that have no common order; empty where none restarts."""
+) -> dict[int, _ClockPlan]:
+    """One clock for time grids that have no common order; empty where none changes."""
     clocks: dict[int, list[clock_rules.Run]] = {}
     tolerances: list[clock_rules.Tolerance] = []
     word = "sample"
@@ -289,15 +292,16 @@ def _plans(
             word = table.places.word
         clocks[chosen.raster] = clock_rules.joined_runs(runs, tolerance)
         tolerances.append(tolerance)
-    if len(clocks) < 2 or not any(clock_rules.disordered(runs) for runs in clocks.values()):
+    if len(clocks) < 2:
         return {}
-    plans, changes, problem = clock_rules.matched(list(clocks.values()), tolerances)
+    shifts, changes, problem = clock_rules.matched(list(clocks.values()), tolerances)
     messages.problems += [problem] if problem else []
     apart = max(tolerance.apart for tolerance in tolerances)
     for raster, group in zip(clocks, changes, strict=True):
         name = _where(source, raster)
         messages.warnings += [name + sentence for sentence in clock_rules.sentences(group, Places(word), apart)]
-    return dict(zip(clocks, plans, strict=bool(plans)))
+    groups = zip(clocks.items(), shifts, strict=not problem)
+    return {raster: (runs, moves) for (raster, runs), moves in groups if any(moves)}
 
 
 def _where(source: Source, raster: int) -> str:
