@@ -3,61 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+import tomllib
 from enum import IntEnum
-from types import MappingProxyType
+from functools import cache
+from pathlib import Path
 
 from clutchid.measurements.columns import quantity_named
 
+_FILE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 
+
+@cache
 def _words(text: str) -> frozenset[str]:
-    return frozenset(text.split())
+    """The words of a text, in which one in capitals stands for those of a group of the file."""
+    return frozenset[str]().union(*(_words(_FILE["groups"][w]) if w.isupper() else {w} for w in text.split()))
 
 
-_CLUTCH = _words("clutch clu kupplung kuppl kupp coupling actuator aktuator aktor piston kolben cca")
-_SUPPLY = _words("supply sup inlet fill open load zuluft einlass belueftung belueften be")
-_EXHAUST = _words("exhaust exh outlet vent release close abluft auslass entlueftung entlueften ent")
-_ONLY_SUPPLY = _words("inlet zuluft einlass belueftung belueften")
-_ONLY_EXHAUST = _words("exhaust exh outlet abluft auslass entlueftung entlueften")
-_SHARE = _words("duty dc pwm tv tastverhaeltnis tastgrad")
-_DUTY = _SHARE | _words("pct percent u valve solenoid ventil magnetventil ansteuerung mv command cmd")
-_PRESSURE = _words("pressure press druck p")
-_CHAMBER = _words("chamber cham kammer cylinder cyl zylinder zyl")
-_TANK = _words(
-    "supply sup reservoir res tank vorrat versorgung speise behaelter kessel pneumatic circuit kreis bremskreis system"
-)
-_AIR = _words("air luft druckluft")
-_POSITION = _words("position pos travel stroke displacement weg hub lage kolbenweg x y desl")
-_FORCE = _words("force kraft friction reibung reibkraft")
-_TEMPERATURE = _words("temperature temperatur temp tmp t")
-_AMBIENT = _words("ambient amb outside outdoor aussen umgebung umgebungs umg oat")
-_SET_POINT = _words(
-    "soll sollwert sollwerte vorgabe ziel zielwert wunsch set setpoint target tgt demand demanded dmd cmd command "
-    "commanded ref reference desired des req request requested"
-)
-_BESIDE = _words(
-    "active aktiv status state zustand valid validity gueltig gueltigkeit flag bit enable enabled freigabe error "
-    "fehler fault diag diagnose quality counter zaehler current strom voltage spannung"
-)
-_OTHERS = _words(
-    "brake bremse oil oel fuel engine motor tire tyre reifen boost coolant wheel steering pedal throttle suspension "
-    "intake barometric baro trailer parking park gearbox crankcase turbo manifold rail latitude longitude gnss gps "
-    "altitude accelerator normal kraftstoff kuehlmittel kuehlwasser"
+_TEXTS = [
+    *_FILE["groups"].values(),
+    *(text for row in _FILE["quantities"].values() for text in (*row["needs"], row["likes"], row["never"])),
+]
+
+#: Words that German compounds consist of, the longest first.
+_KNOWN = dict.fromkeys(
+    sorted({word for text in _TEXTS for word in _words(text) if len(word) > 2}, key=lambda word: (-len(word), word))
 )
 
-_BRAKES = _words("brake bremse bremskreis betriebsbremse")
-_AUXILIARIES = _words("auxiliary aux neben nebenverbraucher")
-_POWERTRAIN = _words("powertrain transmission trans getriebe") | _CLUTCH
-_ENGINE = _words("eng filter diff differential charge ladeluft ladedruck inlet")
-_OTHER_CIRCUITS = (
-    (_OTHERS - _BRAKES) | _ENGINE | _CHAMBER | _words("application pump pumpe luftfederung luftfeder federung niveau")
-)
-_OTHER_AIR = _OTHERS | _ENGINE | _words("cab cabin interior innen innenraum exhaust abgas road fahrbahn cargo evap")
+#: Symbols that may stand directly before a word: ``pcyl``, ``usup``.
+_SYMBOLS = tuple("puxy")
 
-#: Numbers of the circuits of a compressed air system and of their ports: service brakes, trailer, auxiliaries.
-_NUMBERED = _words("circuit kreis bremskreis")
-_FIRST_CIRCUITS, _THIRD_CIRCUIT, _FOURTH_CIRCUIT = _words("1 2 21 22"), _words("3 23"), _words("4 24")
+_JOINTS = ("", "s", "es", "n", "en", "e", "er")
+
+_UMLAUTS = str.maketrans({"ü": "ue", "ä": "ae", "ö": "oe", "ß": "ss", "Ü": "Ue", "Ä": "Ae", "Ö": "Oe"})
 
 
 class Circuit(IntEnum):
@@ -67,56 +44,6 @@ class Circuit(IntEnum):
     SUPPLY = 1
     AUXILIARIES = 2
     POWERTRAIN = 3
-
-
-@dataclass(frozen=True, slots=True)
-class _Quantity:
-    """Words of a quantity: one of every group of `needs`, none of `never`; each of `likes` raises the score."""
-
-    needs: tuple[frozenset[str], ...]
-    likes: frozenset[str] = _CLUTCH
-    never: frozenset[str] = _OTHERS
-
-
-_QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
-    {
-        "time": _Quantity(
-            (_words("time zeit t timestamp timestamps stamp tout clock"),), frozenset(), _AMBIENT
-        ),
-        "position": _Quantity((_POSITION,)),
-        "duty_supply": _Quantity((_DUTY, _SUPPLY), _CLUTCH | _SHARE, _OTHERS | _ONLY_EXHAUST),
-        "duty_exhaust": _Quantity((_DUTY, _EXHAUST), _CLUTCH | _SHARE, _OTHERS | _ONLY_SUPPLY),
-        "pressure_a": _Quantity((_PRESSURE,), _CLUTCH | _CHAMBER | _words("a"), _OTHERS | _TANK | _AUXILIARIES),
-        "pressure_supply": _Quantity(
-            (_PRESSURE, _TANK | _AIR | _AUXILIARIES), _words("reservoir tank vorrat supply"), _OTHER_CIRCUITS
-        ),
-        "temperature_ambient": _Quantity((_TEMPERATURE, _AMBIENT | _AIR), _AMBIENT, _OTHER_AIR),
-        "force": _Quantity((_FORCE,)),
-    }
-)  # fmt: skip
-
-_KNOWN = sorted(
-    {
-        word
-        for group in (
-            *(words for row in _QUANTITIES.values() for words in (*row.needs, row.likes, row.never)),
-            _BRAKES, _AUXILIARIES, _POWERTRAIN, _SET_POINT, _BESIDE,
-        )
-        for word in group
-        if len(word) > 2
-    },
-    key=lambda word: (-len(word), word),
-)  # fmt: skip
-
-#: Two words of each name of SAE J1939-71.
-_STANDARD_NAMES = (
-    ("pneumatic", "supply"), ("equipment", "supply"), ("service", "circuit"), ("powertrain", "circuit"),
-)  # fmt: skip
-
-#: Symbols that may stand directly before a word: ``pcyl``, ``usup``.
-_SYMBOLS = tuple("puxy")
-
-_JOINTS = ("", "s", "es", "n", "en", "e", "er")
 
 
 def name_score(name: str, text: str) -> float:
@@ -130,16 +57,16 @@ def name_score(name: str, text: str) -> float:
     standard = quantity_named(_bare(text)) or quantity_named(_bare(text).rpartition(".")[2])  # a field of a struct
     if standard is not None:
         return 100.0 if standard == name else 0.0
-    quantity = _QUANTITIES.get(name)
+    quantity = _FILE["quantities"].get(name)
     if quantity is None:
         return 0.0
     words = set(_tokens(text))
-    if words & quantity.never or not all(words & group for group in quantity.needs):
+    if words & _words(quantity["never"]) or not all(words & _words(group) for group in quantity["needs"]):
         return 0.0
     circuit = _circuit(words) if name == "pressure_supply" else Circuit.BRAKES
-    if circuit is None or (name == "pressure_a" and words & _AIR and not words & (_CLUTCH | _CHAMBER)):
+    if circuit is None or (name == "pressure_a" and words & _words("AIR") and not words & _words("CLUTCH CHAMBER")):
         return 0.0
-    return 1.0 + len(words & quantity.likes) + 10.0 * circuit
+    return 1.0 + len(words & _words(quantity["likes"])) + 10.0 * circuit
 
 
 def circuit_of(text: str) -> Circuit | None:
@@ -154,16 +81,16 @@ def circuit_of(text: str) -> Circuit | None:
 
 
 def _circuit(words: set[str]) -> Circuit | None:
-    numbered = bool(words & _NUMBERED)
-    if words & _CLUTCH and not words & _TANK:  # the pressure in the chamber
+    numbers = words if words & _words("NUMBERED") else set[str]()
+    if words & _words("CLUTCH") and not words & _words("TANK"):  # the pressure in the chamber
         return None
-    if words & _POWERTRAIN:
+    if words & _words("POWERTRAIN"):
         return Circuit.POWERTRAIN
-    if words & _AUXILIARIES or (numbered and words & _FOURTH_CIRCUIT):
+    if words & _words("AUXILIARIES") or numbers & _words("FOURTH_CIRCUIT"):
         return Circuit.AUXILIARIES
-    if words & _BRAKES or (numbered and words & _FIRST_CIRCUITS):
+    if words & _words("BRAKES") or numbers & _words("FIRST_CIRCUITS"):
         return Circuit.BRAKES
-    return None if numbered and words & _THIRD_CIRCUIT else Circuit.SUPPLY
+    return None if numbers & _words("THIRD_CIRCUIT") else Circuit.SUPPLY
 
 
 def is_set_point(text: str) -> bool:
@@ -174,7 +101,7 @@ def is_set_point(text: str) -> bool:
     >>> [is_set_point(text) for text in ("Kupplungsweg_Soll", "Sollposition", "ClutchPosCmd", "Kupplungsweg_Ist")]
     [True, True, True, False]
     """
-    return bool(_SET_POINT & set(_tokens(text)))
+    return not _words("SET_POINT").isdisjoint(_tokens(text))
 
 
 def is_beside(text: str) -> bool:
@@ -185,7 +112,7 @@ def is_beside(text: str) -> bool:
     >>> [is_beside(text) for text in ("MV_Be_aktiv", "PWM_Supply_valid", "Ventilstrom_Be", "TV_Belueften")]
     [True, True, True, False]
     """
-    return bool(_BESIDE & set(_tokens(text)))
+    return not _words("BESIDE").isdisjoint(_tokens(text))
 
 
 def is_named_by_j1939(text: str) -> bool:
@@ -197,7 +124,7 @@ def is_named_by_j1939(text: str) -> bool:
     [True, True, False]
     """
     words = set(_tokens(text))
-    return any(words >= {first, second} for first, second in _STANDARD_NAMES)
+    return any(words.issuperset(name.split()) for name in _FILE["standard_names"])
 
 
 def means_time(text: str) -> bool:
@@ -214,7 +141,7 @@ def means_no_time(text: str) -> bool:
     [True, False, False, False, True]
     """
     long = " ".join(token for token in _tokens(text) if len(token) > 1)
-    return not means_time(text) and any(name_score(name, long) > 0.0 for name in _QUANTITIES if name != "time")
+    return not means_time(text) and any(name_score(name, long) > 0.0 for name in _FILE["quantities"] if name != "time")
 
 
 def _bare(text: str) -> str:
@@ -227,10 +154,7 @@ def _tokens(text: str) -> list[str]:
     >>> _tokens("KupplungsWeg_ist"), _tokens("ClutchPos"), _tokens("Entlüftungsventil")
     (['kupplung', 'weg', 'ist'], ['clutch', 'pos'], ['entlueftung', 'ventil'])
     """
-    plain = _bare(text)
-    for umlaut, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("Ü", "Ue"), ("Ä", "Ae"), ("Ö", "Oe")):
-        plain = plain.replace(umlaut, letters)
-    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", plain)
+    parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", _bare(text).translate(_UMLAUTS))
     return [token for part in parts for token in _compound(part.casefold())]
 
 
