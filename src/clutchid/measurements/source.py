@@ -198,6 +198,11 @@ class Source:
         return printable(recording_name(self.path.name))
 
     @property
+    def headings(self) -> list[Heading]:
+        """The headings of all its time grids."""
+        return [heading for raster in self.rasters for heading in raster.headings]
+
+    @property
     def tabular(self) -> bool:
         """Whether it is a table whose columns the user can rename, so that messages ask for the standard names."""
         return self.format in ("CSV", "Parquet", "JSON lines")

@@ -160,9 +160,8 @@ def _misfit(source: Source, name: str, entry: Channel, places: list[tuple[int, H
     others = dict(other for raster in source.rasters for other in raster.others)
     if entry.channel in others:
         return _no_numbers(name, entry.channel, others[entry.channel])
-    every = [heading.text for raster in source.rasters for heading in raster.headings]
     within = f" in group '{entry.group}'" if entry.group is not None else ""
-    near = difflib.get_close_matches(entry.channel, every, n=1)
+    near = difflib.get_close_matches(entry.channel, [heading.text for heading in source.headings], n=1)
     hint = f"did you mean '{near[0]}'?" if near else "`clutchid look` lists them."
     return f"{name}: there is no channel '{entry.channel}'{within}; {hint}"
 

@@ -64,6 +64,11 @@ class Candidate:
     implied: str = ""
 
     @property
+    def circuit(self) -> Circuit | None:
+        """Source of the air of a supply pressure, as its name says; None under the standard name."""
+        return None if self.score >= STANDARD else circuit_of(_title(self.heading))
+
+    @property
     def flag(self) -> str:
         """Reason why it may be no duty cycle but a flag beside one; empty if none."""
         if self.score >= STANDARD or self.heading.unit == "%":
@@ -234,9 +239,8 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         equal = _equal(name, best, others)
         remark = _remark(name, best, equal, source.tabular)
         (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
-        braking = circuit_of(_title(best.heading)) is Circuit.BRAKES  # too far from a clutch to be used unconfirmed
-        sure = name != "pressure_supply" or best.score >= STANDARD or not braking
-        certain += [name] if sure and not remark else []
+        braking = name == "pressure_supply" and best.circuit is Circuit.BRAKES  # too far from a clutch to be sure
+        certain += [] if braking or remark else [name]
         notes += _notes(name, best, others if not remark else ())
         notes += _passed_over(name, best, [other for other in others if other not in equal])
     for name in required:
@@ -269,15 +273,14 @@ def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
 
 def _by_other_names(source: Source, proposal: Proposal) -> bool:
     """Whether a channel was identified by another name than the standard one."""
-    standard = {heading.text: heading.name for raster in source.rasters for heading in raster.headings}
+    standard = {heading.text: heading.name for heading in source.headings}
     chosen = proposal.without_uncertain.channels
     return any(standard[entry.channel] != name for name, entry in chosen.items())
 
 
 def means_the_contract(source: Source) -> bool:
     """Whether enough columns of a table have standard names to report what is wrong with the others."""
-    names = [heading.name for raster in source.rasters for heading in raster.headings if heading.name is not None]
-    return len(names) > 1 or not source.rasters
+    return sum(heading.name is not None for heading in source.headings) > 1 or not source.rasters
 
 
 def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
@@ -285,8 +288,7 @@ def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
     units = {entry.channel: entry.unit for entry in proposal.channels.channels.values()}
     headings = [
         f"'{heading.text} [{units[heading.text]}]'"
-        for raster in source.rasters
-        for heading in raster.headings
+        for heading in source.headings
         if heading.unit is None and units.get(heading.text)
     ]
     return [f"write units in brackets behind the names: {', '.join(headings)}, if that is right."] if headings else []
@@ -385,7 +387,7 @@ def _left_out(name: str, candidates_of: Sequence[Candidate]) -> list[str]:
 
 def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
     """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
-    circuit = circuit_of(_title(best.heading)) if name == "pressure_supply" and best.score < STANDARD else None
+    circuit = best.circuit if name == "pressure_supply" else None
     if circuit is not None and (others or circuit is Circuit.BRAKES):
         names = listed(f"'{other.heading.text}'" for other in others)
         beside = f"; others are {names}" if others else ""
@@ -420,9 +422,10 @@ def _against(best: Candidate, other: Candidate) -> str:
 
 def _set_points(source: Source, name: str) -> list[str]:
     """Channels that are what a controller asks of a quantity."""
-    headings = [heading for raster in source.rasters for heading in raster.headings]
     return [
-        h.text for h in headings if is_set_point(h.text) and name_score(name, h.text) > 0.0 and is_unit_of(name, h.unit)
+        heading.text
+        for heading in source.headings
+        if is_set_point(heading.text) and name_score(name, heading.text) > 0.0 and is_unit_of(name, heading.unit)
     ]
 
 
@@ -437,7 +440,7 @@ def _unread(source: Source, name: str) -> str:
 
 
 def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
-    """Remark on a quantity without a channel, of which only constant ones were `found`, or set points.
+    """Remark on a quantity without a channel, which only constant ones are called like, or set points.
 
     `choice` is a text with the channels that it may be.
     """
@@ -453,12 +456,12 @@ def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], c
 
 def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
     """Channels that a missing quantity may be: those with a unit of it, else those without a unit."""
-    taken = {entry.channel for entry in channels.values()}
+    taken = {"", *(entry.channel for entry in channels.values())}
     free = [
         heading
         for raster in source.rasters
         for heading in raster.headings
-        if heading.text and heading.text not in taken and heading.text not in dict(raster.others)
+        if heading.text not in taken | dict(raster.others).keys()
     ]
     chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
     shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
@@ -466,7 +469,7 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
 
 
 def _entry(source: Source, best: Candidate) -> Channel:
-    same = sum(heading.text == best.heading.text for raster in source.rasters for heading in raster.headings)
+    same = sum(heading.text == best.heading.text for heading in source.headings)
     entry = Channel(best.heading.text, group=best.raster.name if same > 1 else None)
     return replace(entry, unit=best.unit) if best.heading.unit != best.unit else entry
 
