@@ -145,7 +145,7 @@ class _Summary:
     time: Heading | None
     columns: Mapping[int, tuple[Heading, Channel]]
     ambient: float
-    rate: float | None = None
+    rate: float | None
     ranges: dict[int, tuple[float, float, int]] = field(default_factory=dict)
     axis: TimeAxis | None = None
     places: Places = field(default_factory=Places)

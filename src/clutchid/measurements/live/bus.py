@@ -252,9 +252,10 @@ def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:
     samples: list[ArrivedSamples] = []
     all_stamps = frames.stamp - bus.origin
     for stream, rows in by_stream(frames, bus.lookup):
-        raster = bus.rasters.get(stream) if isinstance(stream, FrameStream) else None
+        if not isinstance(stream, FrameStream):
+            continue
         for i, chosen in enumerate(bus.picks):
-            if isinstance(stream, FrameStream) and chosen.raster == raster:
+            if chosen.raster == bus.rasters.get(stream):
                 stamps, data, length = all_stamps[rows], frames.data[rows], frames.length[rows]
                 table = Table(numbers=stream_values(stream, chosen.indices, stamps, data, length), size=rows.size)
                 samples.append(arrived(i, chosen, table, ambient, rows))

@@ -21,7 +21,7 @@ OPTIONAL = ("pressure_a", *PLAUSIBLE)
 
 
 def pick(
-    source: Source, channels: ChannelMap, required: Sequence[str] = ()
+    source: Source, channels: ChannelMap, required: Sequence[str]
 ) -> tuple[tuple[PickedChannels, ...], tuple[str, ...]]:
     """Channels that the map selects from the file, and all problems of the map.
 

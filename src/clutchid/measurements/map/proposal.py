@@ -35,7 +35,6 @@ STANDARD = 100.0
 #: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
 _SET_POINT = 0.25
 
-
 #: Difference of duty cycles up to which two channels have one range: a percent, as rounding leaves it.
 _SAME = 0.01
 
