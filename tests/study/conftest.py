@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from clutchid.log import Log
-from clutchid.study import PaperStudy, bundled_recording, halves, paper_study
+from clutchid.study import PaperStudy, halves, paper_study
 
 
 @pytest.fixture(scope="session")
 def logs() -> tuple[Log, Log]:
     """First and second half of the bundled recording."""
-    return halves(bundled_recording())
+    return halves()
 
 
 @pytest.fixture(scope="session")

@@ -33,12 +33,12 @@ def paper(
     debug
         Show the traceback of an error.
     """
-    from clutchid.study import bundled_recording, halves, paper_study
+    from clutchid.study import halves, paper_study
 
     if (fit is None) != (verify is None):
         raise ParameterError("--fit and --verify: give both recordings, or neither.")
     if fit is None or verify is None:
-        fitted, verified = halves(bundled_recording())
+        fitted, verified = halves()
     else:
         fitted, verified = files.reading([fit, verify]).read()
     with progress_bar("paper") as show:

@@ -8,7 +8,7 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from clutchid.log import FloatArray, Log, sample_interval
+from clutchid.log import FloatArray, Log
 from clutchid.measurements import read
 
 #: Folder of the bundled recording and its truth.
@@ -17,11 +17,8 @@ _DATA = files("clutchid.study") / "data"
 #: Metadata key with the name of the file of the true load.
 _TRUTH = "true_load"
 
-#: Largest range of the position in m, and time in s, of a rest.
-REST_RANGE, _REST_TIME = 5e-4, 0.2
-
-#: A rest is searched for within this fraction of the length around the middle.
-_MIDDLE = 0.2
+#: First sample of the second half of the bundled recording, within the rest nearest to its middle.
+_REST = 15_096
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,29 +62,14 @@ def true_load(log: Log) -> TrueLoad | None:
     return TrueLoad(np.array(truth["position_m"]), np.array(truth["logs"]["calibration"]["load_N"]))
 
 
-def halves(log: Log) -> tuple[Log, Log]:
-    """First and second half of `log`, divided at the rest nearest to the middle, or in the middle if there is none.
+def halves() -> tuple[Log, Log]:
+    """First and second half of the bundled recording, divided at the rest nearest to its middle.
 
     Examples
     --------
-    >>> first, second = halves(bundled_recording())
-    >>> len(first) + len(second)
-    30000
+    >>> [len(half) for half in halves()]
+    [15096, 14904]
     """
-    at = _cut(log)
-    first, second = log.slice(0, at), log.slice(at, len(log))
+    log = bundled_recording()
+    first, second = log.slice(0, _REST), log.slice(_REST, len(log))
     return replace(first, name=f"{log.name}, first half"), replace(second, name=f"{log.name}, second half")
-
-
-def _cut(log: Log) -> int:
-    n = len(log)
-    if n < 10 or "position" not in log:
-        return n // 2
-    width = max(2, round(_REST_TIME / sample_interval(log.time)))
-    low = int(n * (0.5 - _MIDDLE / 2))
-    part = log["position"][low : n - low + width]
-    if part.size <= width:
-        return n // 2
-    windows = np.lib.stride_tricks.sliding_window_view(part, width)
-    centres = low + width // 2 + np.flatnonzero(windows.max(axis=1) - windows.min(axis=1) <= REST_RANGE)
-    return int(centres[np.argmin(np.abs(centres - n // 2))]) if centres.size else n // 2
