@@ -137,7 +137,7 @@ def test_a_study_that_fails_removes_what_it_made_and_leaves_older_files_as_they_
 
 def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(logs, tmp_path, monkeypatch):
     def without_cases(fit_log, verify_log, progress):
-        return StudyResults(fit_log, verify_log, (), None, {}, {})
+        return StudyResults(fit_log, verify_log, (), None)
 
     def full(content, path):
         if path.name == "index.html":

@@ -12,8 +12,8 @@ from clutchid.documents.style import BAR, MM, STYLE, Line
 from clutchid.log import FloatArray, Log
 from clutchid.model.weighted_load import Load
 from clutchid.study.bundled import TrueLoad
-from clutchid.study.pressure import Pressures, measured_motion, static_estimate
-from clutchid.study.results import Case, PaperMethod, StudyResults, chosen
+from clutchid.study.pressure import measured_motion, pressures, static_estimate
+from clutchid.study.results import BALLISTIC, PARTS_32, Case, StudyResults, chosen
 from clutchid.study.tables import PRINTED_SLOPE, TABLE_1
 
 if TYPE_CHECKING:
@@ -51,31 +51,24 @@ def figure_2() -> Figure:
 def simulated_figure(cases: Sequence[Case], name: str, words: str, unit: tuple[str, float]) -> Figure:
     """A simulated column on the fitted recording, N parts, and where it was measured its errors."""
     symbol, factor = unit
-    figure, axes = new_figure([2.4, 1.9, 1.9] if name in cases[0].fitted.measured else [3.0])
-    _over_time(axes, chosen(cases, "ballistic", "parts"), name, factor)
-    label(axes[0], y=f"{words} [{symbol}]")
-    for axis, run in zip(axes[1:], ("fitted simulation", "ballistic run"), strict=False):
-        label(axis, y=f"{run}\n− measured [{symbol}]")
-    label(axes[-1], "time [s]")
-    figure.align_ylabels()
-    return figure
-
-
-def _over_time(axes: Sequence[Axes], cases: Sequence[Case], name: str, unit: float) -> None:
     measured = cases[0].fitted.measured
     t = measured.time
+    figure, (simulated, *errors) = new_figure([2.4, 1.9, 1.9] if name in measured else [3.0])
     if name in measured:
-        draw(axes[0], t, measured[name] / unit, Line(STYLE.measured, "measured", 3.0, opacity=0.6))
-    for case in cases:
-        line = case_line(case)
-        draw(axes[0], t, case.fitted.simulated[name] / unit, line)
-        if len(axes) > 1:
-            for axis, run in zip(axes[1:], (case.fitted, case.ballistic), strict=True):
-                draw(axis, t, (run.simulated[name] - measured[name]) / unit, line)
-    for axis in axes[1:]:
+        draw(simulated, t, measured[name] / factor, Line(STYLE.measured, "measured", 3.0, opacity=0.6))
+    for case in chosen(cases, "ballistic", "parts"):
+        draw(simulated, t, case.fitted.simulated[name] / factor, case_line(case))
+        for axis, run in zip(errors, (case.fitted, case.ballistic), strict=False):
+            draw(axis, t, (run.simulated[name] - measured[name]) / factor, case_line(case))
+    label(simulated, y=f"{words} [{symbol}]")
+    for axis, what in zip(errors, ("fitted simulation", "ballistic run"), strict=False):
         axis.axhline(0.0, color=STYLE.measured, linewidth=0.7)
-    axes[0].set_xlim(float(t[0]), float(t[-1]))
-    legend(axes[0], 7)
+        label(axis, y=f"{what}\n− measured [{symbol}]")
+    label(figure.axes[-1], "time [s]")
+    simulated.set_xlim(float(t[0]), float(t[-1]))
+    legend(simulated, 7)
+    figure.align_ylabels()
+    return figure
 
 
 def case_line(case: Case) -> Line:
@@ -163,21 +156,22 @@ def states_figure(case: Case) -> Figure:
     return figure
 
 
-def figure_8(cases: Sequence[Case], pressures: Sequence[Pressures]) -> Figure:
+def figure_8(cases: Sequence[Case]) -> Figure:
     """Pressure from Eq. (26) and from the full balance on the second recording, and close to its fastest stroke."""
     log = cases[0].verified.measured
-    near = _fastest(log)
+    near, measured = _fastest(log), Line(STYLE.measured, "measured", 2.6, opacity=0.8)
+    titles = [f"θ from {case.method.label}" + (" fit" if case.method.partition is None else "") for case in cases]
+    every = [pressures(case.fit.actuator, case.verified) for case in cases]
     panels = [
-        (f"{number}, simulated motion", p, p.static_simulated, p.balanced_simulated)
-        for number, p in zip(_titles(cases), pressures, strict=True)
+        (f"{title}, simulated motion", samples.static_simulated, samples.balanced_simulated)
+        for title, samples in zip(titles, every, strict=True)
     ]
-    first = pressures[0]
-    panels.append((f"{_titles(cases)[0]}, measured motion", first, first.static_measured, first.balanced_measured))
+    panels.append((f"{titles[0]}, measured motion", every[0].static_measured, every[0].balanced_measured))
     figure, axes = new_figure([2.1] * len(panels), 2)
-    for row, (title, p, static, balanced) in enumerate(panels):
+    for row, (title, static, balanced) in enumerate(panels):
         for axis, at in zip(axes[2 * row : 2 * row + 2], (slice(None), near), strict=True):
-            if p.measured is not None:
-                draw(axis, log.time[at], p.measured[at] / BAR, Line(STYLE.measured, "measured", 2.6, opacity=0.8))
+            if "pressure_a" in log:
+                draw(axis, log.time[at], log["pressure_a"][at] / BAR, measured)
             draw(axis, log.time[at], static[at] / BAR, Line(STYLE.orange, "Eq. (26)"))
             draw(axis, log.time[at], balanced[at] / BAR, Line(STYLE.blue, "full balance"))
             axis.set_xlim(float(log.time[at][0]), float(log.time[at][-1]))
@@ -188,10 +182,6 @@ def figure_8(cases: Sequence[Case], pressures: Sequence[Pressures]) -> Figure:
     return figure
 
 
-def _titles(cases: Sequence[Case]) -> list[str]:
-    return [f"θ from {case.method.label}" + (" fit" if case.method.partition is None else "") for case in cases]
-
-
 def _fastest(log: Log) -> slice:
     """Samples around the fastest stroke of a recording."""
     speed: FloatArray = np.abs(measured_motion(log)[1])
@@ -200,15 +190,13 @@ def _fastest(log: Log) -> slice:
     return slice(int(start), max(int(stop), int(start) + 2))
 
 
-_PAIR = (PaperMethod("ballistic"), PaperMethod("parts", 32))
-
 #: Figures by the paper's number.
 FIGURES: Mapping[int, Callable[[StudyResults], Figure]] = {
     2: lambda _: figure_2(),
     3: lambda study: simulated_figure(study.cases, "position", "position", ("mm", MM)),
     4: lambda study: simulated_figure(study.cases, "pressure_a", "pressure A, absolute", ("bar", BAR)),
     5: lambda study: figure_5(study.cases, study.fit_log, study.truth),
-    6: lambda study: states_figure(study.case(_PAIR[0])),
-    7: lambda study: states_figure(study.case(_PAIR[1])),
-    8: lambda study: figure_8([study.case(method) for method in _PAIR], [study.second[method] for method in _PAIR]),
+    6: lambda study: states_figure(study.case(BALLISTIC)),
+    7: lambda study: states_figure(study.case(PARTS_32)),
+    8: lambda study: figure_8([study.case(BALLISTIC), study.case(PARTS_32)]),
 }

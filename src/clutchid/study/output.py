@@ -13,10 +13,13 @@ from clutchid.documents.tables import ReportTable, to_csv
 from clutchid.files import check_writable, make_folder, not_an_address, write_bytes
 from clutchid.log import Log
 from clutchid.study.figures import FIGURES
-from clutchid.study.page import study_page
+from clutchid.study.page import STUDY_FILES, study_page
 from clutchid.study.results import Case, StudyProgress, find
 from clutchid.study.tables import TABLES
 from clutchid.systems import command_line
+
+#: Names of all files, in the order in which they are written.
+_NAMES = (*STUDY_FILES, "index.html")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,16 +72,11 @@ def paper_study(fit_log: Log, verify_log: Log, out: Path, progress: StudyProgres
         report("page", 0.95)
         page = page_of(study_page(study, tables, figures, _command(fit_log, verify_log, out)))
         contents = [*(to_csv(table).encode("utf-8") for table in tables.values()), *figures.values(), page.encode()]
-        files = tuple(out / name for name in _names())
+        files = tuple(out / name for name in _NAMES)
         for path, content in zip(files, contents, strict=True):  # the page last
             write_bytes(content, path)
     report("done", 1.0)
     return PaperStudy(study.cases, tables, files[-1], files)
-
-
-def _names() -> list[str]:
-    """Names of all files of the study, in the order in which they are written."""
-    return [*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES), "index.html"]
 
 
 @contextmanager
@@ -89,12 +87,12 @@ def _folder(out: Path) -> Iterator[None]:
     try:
         not_an_address(out, "--out")  # resolved, it would look like a folder
         make_folder(folder, "--out")
-        for name in _names():
+        for name in _NAMES:
             check_writable(folder / name)
         yield
     except BaseException:
         if missing:  # then all files in the folder are from this study
-            for name in _names():
+            for name in _NAMES:
                 with suppress(OSError):
                     (folder / name).unlink(missing_ok=True)
         for parent in missing:

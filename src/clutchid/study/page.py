@@ -13,8 +13,11 @@ from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
 from clutchid.log import Log
-from clutchid.study.figures import CLOSE, SLOW_SPEED
+from clutchid.study.figures import CLOSE, FIGURES, SLOW_SPEED
+from clutchid.study.pressure import pressures
 from clutchid.study.results import (
+    BALLISTIC,
+    PARTS_32,
     Carry,
     Interpretation,
     PaperMethod,
@@ -23,9 +26,10 @@ from clutchid.study.results import (
     load_error,
     table_rows,
 )
-from clutchid.study.tables import TABLE_2
+from clutchid.study.tables import TABLE_2, TABLES
 
-_BALLISTIC, _PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
+#: Names of the files beside the page, in the order in which they are written.
+STUDY_FILES = (*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES))
 
 _ALT = {
     2: "The three basis functions over the position", 3: "Measured and simulated positions over time",
@@ -51,8 +55,7 @@ def study_page(
         caption = _paragraph(getattr(prose, f"figure_{number}")())
         return Picture(figures[number], Markup(f"<b>Figure {number}.</b> {caption}"), _ALT[number])
 
-    warnings = dict.fromkeys([*study.case(_BALLISTIC).fit.warnings, *study.verify_log.warnings])
-    names = [*(f"{stem}.csv" for stem in made), *(f"figure_{number}.png" for number in figures)]
+    warnings = dict.fromkeys([*study.case(BALLISTIC).fit.warnings, *study.verify_log.warnings])
     sections = (
         Chapter("Summary", (text("abstract"), bullets("findings"))),
         Chapter("Method", (text("data"), *map(Notice, warnings), text("method"), text("resets"))),
@@ -69,7 +72,7 @@ def study_page(
         Chapter("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
         Chapter("Why the results differ from the paper", (text("differences"),)),
         Chapter("Deviations from the printed equations", (bullets("deviations"),)),
-        Chapter("Files", (text("files", names),)),
+        Chapter("Files", (text("files", STUDY_FILES),)),
     )
     logs = [log for log in (study.fit_log, study.verify_log) if "sha256" in log.metadata]
     return Document(
@@ -105,8 +108,8 @@ def bars(value: float | None) -> str:
 
 def _facts(study: StudyResults) -> dict[str, Any]:
     """Values in the words of the page."""
-    ballistic, rows = study.case(_BALLISTIC), table_rows(study.cases, "p")
-    fit, second = ballistic.fit, study.second
+    ballistic, rows = study.case(BALLISTIC), table_rows(study.cases, "p")
+    fit, parted = ballistic.fit, study.case(PARTS_32)
     error = np.abs(ballistic.fitted.simulated["position"] - ballistic.fitted.measured["position"])
     worst = int(np.nanargmax(error))
     curve = fit.load_curve
@@ -115,9 +118,11 @@ def _facts(study: StudyResults) -> dict[str, Any]:
     weights = ", ".join(f"{e.value / 1e5:.3f} ± {e.half / 1e5:.3f}" for e in fit.parameters.values())
     measured = [case for case in rows if case.ballistic.errors.pressure_a_sse is not None]
     return {
-        "study": study, "ballistic": ballistic, "parted": study.case(_PARTS_32), "second": second[_BALLISTIC],
-        "second_parted": second[_PARTS_32], "every_p": study.case(PaperMethod("every", 2)),
-        "every_q": study.case(PaperMethod("every", 2, "q")), "worst_error": error[worst],
+        "study": study, "ballistic": ballistic, "parted": parted,
+        "second": pressures(fit.actuator, ballistic.verified),
+        "second_parted": pressures(parted.fit.actuator, parted.verified),
+        "every_p": study.case(PaperMethod("every", 2)), "every_q": study.case(PaperMethod("every", 2, "q")),
+        "worst_error": error[worst],
         "worst_time": ballistic.fitted.measured.time[worst], "weights": weights.replace("-", "−"),
         "peak_force": force.max(), "peak_position": curve.position[np.argmax(force)],
         "pressure_b_low": np.nanmin(ballistic.verified.simulated["pressure_b"]),
@@ -148,7 +153,7 @@ def _length(log: Log) -> str:
 
 def _ratios(study: StudyResults, n: int) -> dict[str, float]:
     """Sums of squared position errors over those of ballistic runs: the paper's, and by both interpretations of N."""
-    base = study.case(_BALLISTIC).ballistic.errors.position_sse
+    base = study.case(BALLISTIC).ballistic.errors.position_sse
     readings: tuple[Interpretation, ...] = ("parts", "every")
     ratios: dict[str, float] = {
         way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings
@@ -171,6 +176,6 @@ def _reproducing(study: StudyResults) -> str:
 def _covered(study: StudyResults) -> int:
     """Positions at which the band of the ballistic estimate contains the true load."""
     assert study.truth is not None
-    curve, truth = study.case(_BALLISTIC).fit.load_curve, study.truth
+    curve, truth = study.case(BALLISTIC).fit.load_curve, study.truth
     low, high = (np.interp(truth.position, curve.position, edge) for edge in (curve.low, curve.high))
     return int(np.sum((truth.force >= low) & (truth.force <= high)))

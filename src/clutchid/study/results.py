@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,7 +15,6 @@ from clutchid.log import Log
 from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition
 from clutchid.study.bundled import TrueLoad, true_load
-from clutchid.study.pressure import Pressures, pressures
 from clutchid.verbs.fitting import fit
 
 #: The paper's N.
@@ -76,22 +75,24 @@ class LoadError:
     engaging: float
 
 
+#: Methods that the page and the figures show beside each other.
+BALLISTIC, PARTS_32 = PaperMethod("ballistic"), PaperMethod("parts", 32)
+
+
 def methods() -> tuple[PaperMethod, ...]:
     """All methods: ballistic first, then by carried variable, interpretation and N."""
     partitioned = [PaperMethod(way, n, carry) for carry in ("p", "q") for way in ("parts", "every") for n in NUMBERS]
-    return (PaperMethod("ballistic"), *partitioned)
+    return (BALLISTIC, *partitioned)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StudyResults:
-    """All methods on two recordings; `first` and `second` are the pressures on each by method, p carried."""
+    """All methods on two recordings, and the true load of the first where it is known."""
 
     fit_log: Log
     verify_log: Log
     cases: tuple[Case, ...]
     truth: TrueLoad | None
-    first: Mapping[PaperMethod, Pressures]
-    second: Mapping[PaperMethod, Pressures]
 
     def case(self, method: PaperMethod) -> Case:
         """Results of a method."""
@@ -99,25 +100,7 @@ class StudyResults:
 
 
 def find(fit_log: Log, verify_log: Log, progress: StudyProgress) -> StudyResults:
-    """Compute the study: all fits, then pressures.
-
-    Raises
-    ------
-    DataError
-        If a recording cannot be fitted.
-    SolveError
-        If a simulation produces values that are not finite.
-    """
-    cases = all_cases(fit_log, verify_log, lambda text, part: progress(text, 0.6 * part))
-    progress("pressure from the load", 0.6)
-    paired = table_rows(cases, "p")
-    first = {case.method: pressures(case.fit.actuator, case.ballistic) for case in paired}
-    second = {case.method: pressures(case.fit.actuator, case.verified) for case in paired}
-    return StudyResults(fit_log, verify_log, cases, true_load(fit_log), first, second)
-
-
-def all_cases(fit_log: Log, verify_log: Log, progress: StudyProgress) -> tuple[Case, ...]:
-    """Every method on the two recordings.
+    """Compute the study: every method on the two recordings.
 
     Raises
     ------
@@ -129,9 +112,9 @@ def all_cases(fit_log: Log, verify_log: Log, progress: StudyProgress) -> tuple[C
     todo = methods()
     cases = []
     for number, method in enumerate(todo):
-        progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), number / len(todo))
+        progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), 0.65 * number / len(todo))
         cases.append(_case(method, fit_log, verify_log))
-    return tuple(cases)
+    return StudyResults(fit_log, verify_log, tuple(cases), true_load(fit_log))
 
 
 def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:

@@ -13,8 +13,8 @@ from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation.result import Errors
 from clutchid.model.weighted_load import PAPER_KNOTS
 from clutchid.study.bundled import TrueLoad
-from clutchid.study.pressure import Pressures
-from clutchid.study.results import Carry, Case, PaperMethod, StudyResults, load_error, table_rows
+from clutchid.study.pressure import pressures
+from clutchid.study.results import Carry, Case, StudyResults, load_error, table_rows
 
 #: Table 1, theta_1, theta_2, theta_3 in N/m; they belong to the basis with `PRINTED_SLOPE`.
 TABLE_1: Mapping[int | None, tuple[float, float, float]] = MappingProxyType(
@@ -82,11 +82,12 @@ def printed() -> dict[str, tuple[float | None, str]]:
 def equation_21() -> ReportTable:
     """Each coefficient computed for both slopes of phi_2, printed, and their relative difference."""
     stated, published, page = computed(1.0), computed(PRINTED_SLOPE), printed()
+    units = dict(zip(_NAMES, ("1/m", "1", "m", "1/m", "1", "m", "m", *("1/m²", "1/m", "1", "m") * 2), strict=True))
     rows: list[tuple[Cell, ...]] = []
     for name in _NAMES:
         value, where = page[name]
         difference = None if value is None or name == "c_2" else value / published[name] - 1.0
-        rows.append((name, _unit(name), stated[name], published[name], value, difference, where))
+        rows.append((name, units[name], stated[name], published[name], value, difference, where))
     columns = (
         Column("coefficient", "coefficient"), Column("unit", "unit"),
         Column("stated_conditions", "slope 1,\nstated", significant=7, group="computed, slope of φ₂ at t₃"),
@@ -102,14 +103,6 @@ def equation_21() -> ReportTable:
         "slope 0.001; the remaining differences are rounding errors in the paper."
     )
     return ReportTable("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7), note)
-
-
-def _unit(name: str) -> str:
-    power = {"1": "abc", "2": "abc", "3": "abcdefgh"}[name[2]].find(name[0])
-    if name == "d_2":
-        return "m"
-    cubic = ("1/m²", "1/m", "1", "m")
-    return cubic[power % 4] if name[2] == "3" else cubic[power + 1]
 
 
 #: Display units: sums of squares in 10⁻⁴ m² and 10¹² Pa², weights in 10⁵ N/m, as in the paper.
@@ -157,18 +150,12 @@ def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
 
 def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
     """Table 2: sums of squares and rms errors of the fitted simulation and of a ballistic run."""
-    columns = [Column("method", "method")]
-    for prefix, group in (("fitted", "fitted simulation"), ("ballistic", "ballistic run with the same θ")):
-        columns += [
-            Column(f"{prefix}_position_sse [m2]", "Σe² y\n[10⁻⁴ m²]", _M2, 2, group=group),
-            Column(f"{prefix}_position_rms [m]", "rms y\n[mm]", MM, 3, group=group),
-            Column(f"{prefix}_pressure_a_sse [Pa2]", "Σe² p\n[10¹² Pa²]", _PA2, 2, group=group),
-            Column(f"{prefix}_pressure_a_rms [Pa]", "rms p\n[bar]", BAR, 3, group=group),
-        ]
-    columns += [
+    columns = (
+        Column("method", "method"), *_error_columns("fitted_", "fitted simulation"),
+        *_error_columns("ballistic_", "ballistic run with the same θ"),
         Column("printed_position [m2]", "y\n[10⁻⁴ m²]", _M2, 4, group="printed"),
         Column("printed_pressure_a [Pa2]", "p\n[10¹² Pa²]", _PA2, 4, group="printed"),
-    ]
+    )  # fmt: skip
     rows = tuple(
         (case.method.label, *_cells(case.fitted.errors), *_cells(case.ballistic.errors), *TABLE_2[case.method.number])
         for case in table_rows(cases, carry)
@@ -178,7 +165,16 @@ def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
         "its position error is small with frequent resets, whatever θ is. The printed values are sums of squares in m² "
         "and Pa² of another recording of unknown length."
     )
-    return ReportTable(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", tuple(columns), rows, (1, 6), note)
+    return ReportTable(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", columns, rows, (1, 6), note)
+
+
+def _error_columns(prefix: str, group: str) -> tuple[Column, ...]:
+    return (
+        Column(f"{prefix}position_sse [m2]", "Σe² y\n[10⁻⁴ m²]", _M2, 2, group=group),
+        Column(f"{prefix}position_rms [m]", "rms y\n[mm]", MM, 3, group=group),
+        Column(f"{prefix}pressure_a_sse [Pa2]", "Σe² p\n[10¹² Pa²]", _PA2, 2, group=group),
+        Column(f"{prefix}pressure_a_rms [Pa]", "rms p\n[bar]", BAR, 3, group=group),
+    )
 
 
 def _cells(errors: Errors) -> tuple[Cell, ...]:
@@ -187,19 +183,13 @@ def _cells(errors: Errors) -> tuple[Cell, ...]:
 
 def _verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
     """Errors of ballistic runs on the verification recording, and of the load if its truth is known."""
-    run, load = "second recording, ballistic run", "load error"
-    columns = [
-        Column("method", "method"), Column("carry", "carried"),
-        Column("position_sse [m2]", "Σe² y\n[10⁻⁴ m²]", _M2, 2, group=run),
-        Column("position_rms [m]", "rms y\n[mm]", MM, 3, group=run),
-        Column("pressure_a_sse [Pa2]", "Σe² p\n[10¹² Pa²]", _PA2, 2, group=run),
-        Column("pressure_a_rms [Pa]", "rms p\n[bar]", BAR, 3, group=run),
-    ]  # fmt: skip
+    columns = [Column("method", "method"), Column("carry", "carried")]
+    columns += _error_columns("", "second recording, ballistic run")
     if truth is not None:
         columns += [
-            Column("load_rms_engaging [N]", "rms 5–8 mm\n[N]", decimals=0, group=load),
-            Column("load_rms [N]", "rms all\n[N]", decimals=0, group=load),
-            Column("load_rms_of_peak [1]", "all, of peak\n[%]", 0.01, 1, group=load),
+            Column("load_rms_engaging [N]", "rms 5–8 mm\n[N]", decimals=0, group="load error"),
+            Column("load_rms [N]", "rms all\n[N]", decimals=0, group="load error"),
+            Column("load_rms_of_peak [1]", "all, of peak\n[%]", 0.01, 1, group="load error"),
         ]
     rows = []
     for case in cases:
@@ -213,28 +203,25 @@ def _verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
     return ReportTable("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
 
 
-def pressure_errors(
-    cases: Sequence[Case], first: Mapping[PaperMethod, Pressures], second: Mapping[PaperMethod, Pressures]
-) -> ReportTable:
+def pressure_errors(cases: Sequence[Case]) -> ReportTable:
     """Rms errors of the pressure from the load, on both recordings."""
-    both = {"first": first, "second": second}
     columns = [Column("method", "method")]
     columns += [
         Column(f"{which}_{name} [Pa]", heading, BAR, 3, group=f"{which} recording, {motion}")
-        for which in both
+        for which in ("first", "second")
         for name, heading, motion in _WAYS
     ]
-    rows = tuple(
-        (case.method.label, *(pressures[case.method].rms(name) for pressures in both.values() for name, *_ in _WAYS))
-        for case in cases
-    )
+    rows: list[tuple[Cell, ...]] = []
+    for case in cases:
+        both = [pressures(case.fit.actuator, run) for run in (case.ballistic, case.verified)]
+        rows.append((case.method.label, *(samples.rms(name) for samples in both for name, *_ in _WAYS)))
     note = (
         "Relative to the measured pressure. Simulated motion: states of the ballistic run; the full balance reproduces "
         "the simulated pressure, up to the numerical derivative of the velocity. Measured motion: position as "
         "measured, velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the "
         "simulation. The pressures are carried across a reset."
     )
-    return ReportTable("Pressure in chamber A from the load, rms errors", tuple(columns), rows, (1, 6), note)
+    return ReportTable("Pressure in chamber A from the load, rms errors", tuple(columns), tuple(rows), (1, 6), note)
 
 
 #: Tables by file stem.
@@ -245,5 +232,5 @@ TABLES: Mapping[str, Callable[[StudyResults], ReportTable]] = {
     "table_2": lambda study: table_2(study.cases, "p"),
     "table_2_carry_q": lambda study: table_2(study.cases, "q"),
     "verification": lambda study: _verification(study.cases, study.truth),
-    "pressure_errors": lambda study: pressure_errors(table_rows(study.cases, "p"), study.first, study.second),
+    "pressure_errors": lambda study: pressure_errors(table_rows(study.cases, "p")),
 }
