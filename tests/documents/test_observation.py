@@ -81,7 +81,7 @@ def test_a_measured_pressure_is_compared_with_the_estimate(run, plant, log):
 
 def test_a_hole_in_time_is_a_gap_also_in_a_decimated_curve():
     time = np.r_[0:50_000, 60_000:100_000] * 1e-3
-    t, (y,) = with_gaps(time, [np.ones(time.size)], 1e-3)
+    t, (y,) = with_gaps(time, [np.ones(time.size)])
     assert np.all(np.diff(t) > 0)
     assert t.size < time.size + 2 * time.size / BINS + 3
     x, drawn = thinned(t, y)

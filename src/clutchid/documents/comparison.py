@@ -88,7 +88,6 @@ def two_loads_figure(curves: Sequence[LoadCurve], words: Sequence[str], reach: f
     loads.set_xlim(0.0, max(reach / MM, 1.0))
     for axis in (loads, difference):
         legend(axis, 4)
-    figure.align_ylabels()
     return figure
 
 

@@ -37,7 +37,6 @@ def colour_figure(diagnosis: Diagnosis) -> Figure:
     for row, (name, column) in enumerate(columns):
         draw_colour(axes[3 * row : 3 * row + 3], column.fast, _SHOWN[name][0])
     label(axes[-1], "lag [ms]")
-    figure.align_ylabels()
     return figure
 
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from clutchid.documents.style import STYLE, Line, Style
+from clutchid.documents.style import STYLE, Line
 from clutchid.log import HOLE, FloatArray, Log, sample_interval
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
-
-#: Handles and words of a legend.
-Entries = tuple[Sequence[Any], Sequence[str]]
 
 #: Style of all lines of matplotlib's SVG; in a style sheet within an HTML page it would apply to the whole page.
 _JOINTS = "stroke-linejoin: round; stroke-linecap: butt"
@@ -45,18 +42,13 @@ def new_figure(heights: Sequence[float], columns: int = 1, *, share_x: bool = Tr
     )  # fmt: skip
     axes = [axis for row in grid for axis in row]
     for axis in axes:
-        _dress(axis, STYLE)
+        axis.set_axisbelow(True)
+        axis.grid(visible=True, color=STYLE.grid, linewidth=0.7)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.spines[["left", "bottom"]].set_color(STYLE.measured)
+        axis.tick_params(labelsize=STYLE.font_size, color=STYLE.measured, labelcolor=STYLE.ink)
+    figure.align_ylabels()
     return figure, axes
-
-
-def _dress(axis: Axes, style: Style) -> None:
-    axis.set_axisbelow(True)
-    axis.grid(visible=True, color=style.grid, linewidth=0.7)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
-    for side in ("left", "bottom"):
-        axis.spines[side].set_color(style.measured)
-    axis.tick_params(labelsize=style.font_size, color=style.measured, labelcolor=style.ink)
 
 
 def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
@@ -69,22 +61,14 @@ def label(axis: Axes, x: str = "", y: str = "", title: str = "") -> None:
         axis.set_title(title, fontsize=STYLE.font_size + 0.5, color=STYLE.ink, loc="left", fontweight="bold")
 
 
-def legend(axis: Axes, columns: int = 4, entries: Entries | None = None) -> None:
-    """Legend of a panel above it, where it covers no curve, in as many columns as fit.
-
-    Parameters
-    ----------
-    entries
-        Handles and words; those of the labelled curves by default, and without any no legend.
-    """
-    place = partial(axis.legend, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
-    _in_columns(axis, columns, entries or axis.get_legend_handles_labels(), place)
+def legend(axis: Axes, columns: int = 4) -> None:
+    """Legend of what is labelled in a panel, above it, where it covers no curve, in as many columns as fit."""
+    _in_columns(axis, columns, partial(axis.legend, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1))
 
 
 def shared_legend(axis: Axes, columns: int = 4) -> None:
     """Legend above the figure of a panel, for several with the same curves, or with titles of their own."""
-    place = partial(_figure_of(axis).legend, loc="outside upper left")
-    _in_columns(axis, columns, axis.get_legend_handles_labels(), place)
+    _in_columns(axis, columns, partial(_figure_of(axis).legend, loc="outside upper left"))
 
 
 def _figure_of(axis: Axes) -> Figure:
@@ -93,10 +77,9 @@ def _figure_of(axis: Axes) -> Figure:
     return figure
 
 
-def _in_columns(axis: Axes, columns: int, entries: Entries, place: Callable[..., Legend]) -> None:
-    """A legend in as many of the columns as fit the width of the panels."""
-    if not entries[0]:
-        return
+def _in_columns(axis: Axes, columns: int, place: Callable[..., Legend]) -> None:
+    """A legend in as many of the columns as fit the width of the panels; none without a label."""
+    entries = axis.get_legend_handles_labels()
     figure = _figure_of(axis)
     most = _LEGEND_SHARE * figure.get_figwidth() * figure.dpi
     for number in range(min(columns, len(entries[0])), 0, -1):
@@ -121,30 +104,25 @@ def draw(axis: Axes, x: FloatArray, y: FloatArray, line: Line) -> None:
 
 def draw_over_time(axis: Axes, time: FloatArray, y: FloatArray, line: Line) -> None:
     """Draw a curve over time; a hole in time leaves a gap."""
-    t, (values,) = with_gaps(time, [y], sample_interval(time, np.inf))
+    t, (values,) = with_gaps(time, [y])
     draw(axis, t, values, line)
 
 
 def fill_over_time(axis: Axes, time: FloatArray, low: FloatArray, high: FloatArray, line: Line) -> None:
     """Draw a band over time; a hole in time leaves a gap."""
-    t, (below, above) = with_gaps(time, [low, high], sample_interval(time, np.inf))
+    t, (below, above) = with_gaps(time, [low, high])
     fill(axis, t, below, above, line)
 
 
-def with_gaps(time: FloatArray, columns: Sequence[FloatArray], usual: float) -> tuple[FloatArray, list[FloatArray]]:
+def with_gaps(time: FloatArray, columns: Sequence[FloatArray]) -> tuple[FloatArray, list[FloatArray]]:
     """Curves with NaN in the holes in time, enough of them that a decimated curve has a gap as well.
-
-    Parameters
-    ----------
-    usual : s
-        Time from one sample to the next.
 
     Examples
     --------
-    >>> with_gaps(np.array([0.0, 1.0, 9.0]), [np.ones(3)], 1.0)[1]
-    [array([ 1.,  1., nan, nan, nan,  1.])]
+    >>> with_gaps(np.array([0.0, 1.0, 2.0, 9.0]), [np.ones(4)])[1]
+    [array([ 1.,  1.,  1., nan, nan, nan,  1.])]
     """
-    holes = np.flatnonzero(np.diff(time) > HOLE * usual)
+    holes = np.flatnonzero(np.diff(time) > HOLE * sample_interval(time, np.inf))
     count = 2 * -(-time.size // BINS) + 1
     at = np.repeat(holes + 1, count)
     between = (time[holes, None] + np.diff(time)[holes, None] * np.linspace(0.0, 1.0, count + 2)[1:-1]).ravel()

@@ -120,7 +120,6 @@ def recording_figure(recording: Recording, reliable: BoolArray | None = None) ->
     label(pressure, y="pressure A,\nabsolute [bar]")
     for axis in (position, pressure, duty):
         legend(axis, 4)
-    figure.align_ylabels()
     return figure
 
 

@@ -83,16 +83,18 @@ def distribution_figure(vehicles: Sequence[VehicleRow], spans: Spans) -> Figure:
     figure, axes = new_figure([2.5] * len(panels), share_x=False)
     types = np.array([vehicle.type for vehicle in vehicles])
     names = [name for name, _ in Counter(types.tolist()).most_common()]
-    groups = [types == name for name in names] if len(names) <= _TYPES else [np.ones(types.size, dtype=bool)]
+    groups = [(f"type {printable(name)[:24]}" if name else "no type", types == name) for name in names]
+    if len(names) > _TYPES:
+        groups = [("", np.ones(types.size, dtype=bool))]
     for axis, panel in zip(axes, panels, strict=True):
         _histogram(axis, panel, groups)
         label(axis, y="vehicles")
-    if 1 < len(names) <= _TYPES:
-        _name_types(axes[0], names)
+    if len(groups) > 1:
+        legend(axes[0], _TYPES)
     return figure
 
 
-def _histogram(axis: Axes, panel: Panel, groups: Sequence[np.ndarray]) -> None:
+def _histogram(axis: Axes, panel: Panel, groups: Sequence[tuple[str, np.ndarray]]) -> None:
     """Bars over the range of nearly all values; how many lie outside stands below them."""
     from matplotlib.ticker import MaxNLocator
 
@@ -100,11 +102,12 @@ def _histogram(axis: Axes, panel: Panel, groups: Sequence[np.ndarray]) -> None:
     low, high = _range(finite)
     edges = np.linspace(low, high, int(np.clip(2 * np.sqrt(finite.size), 5, _BARS)) + 1)
     bottom = np.zeros(edges.size - 1)
-    for group, colour in zip(groups, _COLOURS, strict=False):
+    for (words, group), colour in zip(groups, _COLOURS, strict=False):
         number = np.histogram(panel.values[group & np.isfinite(panel.values)], edges)[0]
         axis.bar(
-            edges[:-1], number, np.diff(edges), bottom, align="edge", color=colour, edgecolor="white", linewidth=0.4
-        )
+            edges[:-1], number, np.diff(edges), bottom, align="edge", color=colour, edgecolor="white", linewidth=0.4,
+            label=words,
+        )  # fmt: skip
         bottom = bottom + number
     axis.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     margin = 0.5 * (edges[1] - edges[0])
@@ -129,14 +132,6 @@ def _outside(values: FloatArray, low: float, high: float) -> str:
     counts = {"below": below, "above": above, "with no end in sight": endless, "unknown": unknown}
     shown = ", ".join(f"{number:,} {words}" for words, number in counts.items() if number)
     return f"; not drawn: {shown}" if shown else ""
-
-
-def _name_types(axis: Axes, names: Sequence[str]) -> None:
-    from matplotlib.patches import Patch
-
-    marks = [Patch(color=colour) for colour, _ in zip(_COLOURS, names, strict=False)]
-    words = [f"type {printable(name)[:24]}" if name else "no type" for name in names]
-    legend(axis, _TYPES, (marks, words))
 
 
 #: Vehicles below which the range of all is said in place of that of nine in ten.

@@ -37,7 +37,6 @@ def innovation_figure(statistics: InnovationStatistics) -> Figure:
     legend(axes[0], 2)
     draw_colour(axes[1:], statistics.colour, "innovation")
     label(axes[-1], "lag [ms]")
-    figure.align_ylabels()
     return figure
 
 

@@ -55,7 +55,6 @@ def log_figure(log: Log) -> Figure:
     label(axes[-1], "time [s]")
     if len(log) > 1:
         axes[-1].set_xlim(float(log.time[0]), float(log.time[-1]))
-    figure.align_ylabels()
     return figure
 
 

@@ -10,7 +10,16 @@ import numpy as np
 from clutchid.documents.comparison import two_loads_figure
 from clutchid.documents.diagnosis import limit_blocks
 from clutchid.documents.document import Block, Chapter, Details, Document, Notice, Picture, Text, page_rows
-from clutchid.documents.figures import draw, draw_duties, fill, label, legend, new_figure, with_gaps
+from clutchid.documents.figures import (
+    draw,
+    draw_duties,
+    draw_over_time,
+    fill,
+    fill_over_time,
+    label,
+    legend,
+    new_figure,
+)
 from clutchid.documents.fit_json import curve_json
 from clutchid.documents.innovations import innovation_blocks
 from clutchid.documents.observation_rows import observe_json, rows_of
@@ -77,7 +86,6 @@ def strokes_figure(run: ObservedRecording) -> Figure:
     axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
     label(axes[-1], "stroke")
     legend(axes[0], 4)
-    figure.align_ylabels()
     return figure
 
 
@@ -90,20 +98,17 @@ def samples_figure(run: ObservedRecording) -> Figure:
     with_pressure = "pressure_a" in log
     figure, axes = new_figure([1.6, 1.9, *([1.15] if with_pressure else []), 1.15, 1.05])
     position, pressure, innovation, duty = axes[0], axes[1], axes[-2], axes[-1]
-    estimated, half = run.samples.states[:, states.index("p_A")], QUANTILE * run.deviation("p_A")
-    t, (measured, followed, p, h) = with_gaps(
-        log.time, [log["position"], run.samples.states[:, states.index("y")], estimated, half], run.observer.spacing
-    )
-    draw(position, t, measured / MM, Line(STYLE.measured, "measured", 2.2))
-    draw(position, t, followed / MM, Line(STYLE.blue, "estimated"))
+    y, p = (run.samples.states[:, states.index(name)] for name in ("y", "p_A"))
+    t, h = log.time, QUANTILE * run.deviation("p_A")
+    draw_over_time(position, t, log["position"] / MM, Line(STYLE.measured, "measured", 2.2))
+    draw_over_time(position, t, y / MM, Line(STYLE.blue, "estimated"))
     if with_pressure:
-        _, (recorded,) = with_gaps(log.time, [log["pressure_a"]], run.observer.spacing)
-        draw(pressure, t, recorded / BAR, Line(STYLE.measured, "measured, not used", 2.2))
-        fill(axes[2], t, -h / _KPA, h / _KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
-        draw(axes[2], t, (recorded - p) / _KPA, Line(STYLE.measured, "measured less estimated", 0.8))
+        draw_over_time(pressure, t, log["pressure_a"] / BAR, Line(STYLE.measured, "measured, not used", 2.2))
+        fill_over_time(axes[2], t, -h / _KPA, h / _KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
+        draw_over_time(axes[2], t, (log["pressure_a"] - p) / _KPA, Line(STYLE.measured, "measured less estimated", 0.8))
         label(axes[2], y="difference\n[kPa]")
-    fill(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
-    draw(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
+    fill_over_time(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
+    draw_over_time(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
     _innovations(innovation, run)
     draw_duties(duty, log)
     label(position, y="position [mm]")
@@ -111,7 +116,6 @@ def samples_figure(run: ObservedRecording) -> Figure:
     label(innovation, y="innovation\n[µm]")
     for axis in axes:
         legend(axis, 4)
-    figure.align_ylabels()
     return figure
 
 
@@ -119,11 +123,10 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
     """Innovations with their 95 % bounds."""
     innovations, variance = run.samples.innovations.T
     corrected = np.isfinite(innovations)
-    every = run.observer.joint.settings.every * run.observer.spacing
-    columns = [innovations[corrected] / _MICRO, QUANTILE * np.sqrt(variance[corrected]) / _MICRO]
-    t, (innovation, bound) = with_gaps(run.log.time[corrected], columns, every)
-    fill(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
-    draw(axis, t, innovation, Line(STYLE.red, "position, measured minus predicted", 0.8))
+    innovation, bound = innovations[corrected] / _MICRO, QUANTILE * np.sqrt(variance[corrected]) / _MICRO
+    t = run.log.time[corrected]
+    fill_over_time(axis, t, -bound, bound, Line(STYLE.measured, "95 % bounds", opacity=0.3))
+    draw_over_time(axis, t, innovation, Line(STYLE.red, "position, measured minus predicted", 0.8))
     if corrected.any():
         most = 1.5 * float(np.nanpercentile(np.fmax(bound, np.abs(innovation)), _SHOWN))
         axis.set_ylim(-most, most)

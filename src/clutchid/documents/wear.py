@@ -55,7 +55,6 @@ def trend_figure(wear: Wear) -> Figure:
         label(axis, y=words)
         legend(axis, 5)
     label(axes[-1], unit)
-    figure.align_ylabels()
     return figure
 
 

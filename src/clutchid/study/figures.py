@@ -67,7 +67,6 @@ def simulated_figure(cases: Sequence[Case], name: str, words: str, unit: tuple[s
     label(figure.axes[-1], "time [s]")
     simulated.set_xlim(float(t[0]), float(t[-1]))
     legend(simulated, 7)
-    figure.align_ylabels()
     return figure
 
 
@@ -152,7 +151,6 @@ def states_figure(case: Case) -> Figure:
     label(axes[-1], "time [s]")
     axes[-1].set_xlim(float(t[0]), float(t[-1]))
     legend(axes[0], 2)
-    figure.align_ylabels()
     return figure
 
 
