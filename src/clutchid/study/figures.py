@@ -176,7 +176,7 @@ def figure_8(cases: Sequence[Case]) -> Figure:
         label(axes[2 * row], y="pressure A,\nabsolute [bar]", title=f"({'abc'[row]}) {title}")
     for axis in axes[-2:]:
         label(axis, "time [s]")
-    legend(axes[1], 3)
+    shared_legend(axes[0], 3)
     return figure
 
 
