@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clutchid.documents import ReportTable
 from clutchid.documents.document import Details
 from clutchid.documents.fit_sections import parameter_blocks, parameter_table
+from clutchid.documents.tables import ReportTable
 from clutchid.estimation import Estimate
 from clutchid.model import Load
 

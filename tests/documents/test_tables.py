@@ -5,8 +5,7 @@ from io import StringIO
 
 import pytest
 
-from clutchid.documents import Column, ReportTable
-from clutchid.documents.tables import Link, scientific, to_csv, to_html
+from clutchid.documents.tables import Column, Link, ReportTable, scientific, to_csv, to_html
 
 COLUMNS = (
     Column("method", "method"),

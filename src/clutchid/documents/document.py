@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Flag, auto
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -11,6 +11,8 @@ from clutchid.documents.tables import Link, ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from clutchid.log import Log
 
 #: Grade of a row or a notice: good news, what needs attention, what prevents the use of the result; or neither.
 Level = Literal["", "good", "with care", "none"]
@@ -176,3 +178,8 @@ def page_rows(document: Document) -> list[dict[str, Any]]:
 def labelled(label: str, texts: Sequence[str], on: On = On.ALL) -> list[LabelRow]:
     """A row for each text, the first of them with the label."""
     return [LabelRow(label if i == 0 else "", text, on=on) for i, text in enumerate(texts)]
+
+
+def sources_of(logs: Iterable[Log]) -> dict[str, str]:
+    """SHA-256 of the files of recordings by name."""
+    return {log.metadata.get("source", log.name): log.metadata["sha256"] for log in logs if "sha256" in log.metadata}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.documents.document import Document, Notice, Picture, page_rows
+from clutchid.documents.document import Document, Notice, Picture, page_rows, sources_of
 from clutchid.documents.fit_figures import load_figure
 from clutchid.documents.fit_json import fit_json
 from clutchid.documents.fit_rows import other_warnings, rows_of
@@ -26,7 +26,7 @@ def fit_document(fit: Fit, command: str = "") -> Document:
         sections=lambda: fit_sections(fit),
         figure=(lambda: load_picture(fit)) if has_load(fit) else None,
         data=lambda: fit_json(fit),
-        command=command, sources=sources_of(fit),
+        command=command, sources=_sources(fit),
     )  # fmt: skip
 
 
@@ -103,9 +103,8 @@ def _subtitle(fit: Fit) -> str:
     return f"Model {fit.actuator.model}; {basis}; fitted by {how}."
 
 
-def sources_of(fit: Fit) -> dict[str, str]:
+def _sources(fit: Fit) -> dict[str, str]:
     """SHA-256 of the files of a fit."""
-    logs = (r.measured for r in (*fit.recordings.values(), *fit.verification.values()))
-    sources = {log.metadata.get("source", log.name): log.metadata["sha256"] for log in logs if "sha256" in log.metadata}
+    sources = sources_of(r.measured for r in (*fit.recordings.values(), *fit.verification.values()))
     origin = fit.baseline.origin if fit.baseline else None
     return sources | ({origin.name: origin.sha256} if origin and origin.sha256 else {})

@@ -9,7 +9,7 @@ import numpy as np
 
 from clutchid.documents.comparison import two_loads_figure
 from clutchid.documents.diagnosis import limit_blocks
-from clutchid.documents.document import Block, Chapter, Details, Document, Notice, Picture, Text, page_rows
+from clutchid.documents.document import Block, Chapter, Details, Document, Notice, Picture, Text, page_rows, sources_of
 from clutchid.documents.figures import (
     draw,
     draw_duties,
@@ -163,7 +163,7 @@ def observe_document(observation: Observation, command: str = "") -> Document:
         sections=lambda: observe_sections(run),
         data=lambda: observe_json(run, origin),
         command=command,
-        sources={log.metadata.get("source", log.name): log.metadata["sha256"]} if "sha256" in log.metadata else {},
+        sources=sources_of([log]),
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clutchid.documents.document import Bullets, Chapter, Document, Markup, Notice, Picture, Text
+from clutchid.documents.document import Bullets, Chapter, Document, Markup, Notice, Picture, Text, sources_of
 from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
@@ -74,13 +74,12 @@ def study_page(
         Chapter("Deviations from the printed equations", (bullets("deviations"),)),
         Chapter("Files", (text("files", STUDY_FILES),)),
     )
-    logs = [log for log in (study.fit_log, study.verify_log) if "sha256" in log.metadata]
     return Document(
         "Clutch load characteristics: the paper's study repeated",
         _paragraph(prose.subtitle()),
         sections=lambda: sections,
         command=command,
-        sources={log.metadata.get("source", log.name): log.metadata["sha256"] for log in logs},
+        sources=sources_of([study.fit_log, study.verify_log]),
     )
 
 
