@@ -156,8 +156,8 @@ class TextReading:
                 "or leave the cell empty where the sample is missing."
             )
         warnings = [
-            f"column '{notation.headings[index].text}': {count:,} cells say that there is no value; these samples are "
-            "missing."
+            f"column '{notation.headings[index].text}': {count:,} {'cells say' if count != 1 else 'cell says'} that "
+            "there is no value; these samples are missing."
             for index, count in sorted(self.none.items())
         ]
         if self.left_out:
