@@ -1,5 +1,6 @@
 """The stage "Vehicle and fleet": a fleet that is sorted, filtered and opened, and the trend of a vehicle."""
 
+import polars as pl
 import pytest
 
 from fixtures.results import STEADY, UNREAD, write_fleet, write_track
@@ -12,6 +13,7 @@ def results(page, files):
         write_fleet(files / "run")
         (files / "track").mkdir()
         write_track(files / "track")
+        pl.DataFrame({"time [s]": [0.0, 1e-3]}).write_parquet(files / "samples.parquet")
     page.click("nav >> text=Vehicle and fleet")
     page.click("#tables-by-path")
     return page
@@ -112,7 +114,7 @@ def test_files_of_one_run_are_dropped_together(page, files, tmp_path):
 
 
 def test_a_file_that_is_no_result_says_what_is_needed(results):
-    results.click("button:text-is('worn.csv')")
+    results.click("button:text-is('samples.parquet')")
     said = results.locator(".details .notice.bad")
     said.wait_for()
     assert "is no result of `clutchid track` (FILE.parquet of --out) or of `clutchid fleet`" in said.inner_text()
