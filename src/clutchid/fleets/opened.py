@@ -97,7 +97,7 @@ def _inside(path: Path, below: Path) -> Path | None:
 
 
 def _read(path: Path, where: pl.Expr | None = None, most: int = _MOST_ROWS) -> pl.DataFrame:
-    """The rows of a Parquet file, or those of a condition, at most so many.
+    """The first rows of a Parquet file, all or those that meet a condition.
 
     Raises
     ------

@@ -80,22 +80,6 @@ def within(numbers: FloatArray, theta: float) -> float:
 
 
 @kernel
-def basis_at(y: float, model: ModelArrays, free: FreeArrays, h: FloatArray) -> None:
-    """The load's basis functions phi(y) at a position in m into h (k,), if all free parameters are load weights."""
-    breakpoints, places, pieces = model.breakpoints, free.places, free.pieces
-    s = 0
-    while s < breakpoints.size and breakpoints[s] <= y:
-        s += 1
-    d = y - breakpoints[max(s - 1, 0)]
-    for j in range(places.shape[0]):
-        b = places[j, WEIGHT]
-        h[j] = 0.0
-        if pieces[b, 0] <= s <= pieces[b, 1]:
-            c = model.basis[b, s]
-            h[j] = c[0] + d * (c[1] + d * (c[2] + d * c[3]))
-
-
-@kernel
 def move_parameters(x: FloatArray, S: FloatArray, theta: FloatArray, free: FreeArrays, step: FloatArray) -> None:
     """Move theta by `step`, within its bounds, and x with it along D."""
     numbers = free.numbers

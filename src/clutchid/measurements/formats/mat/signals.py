@@ -30,7 +30,6 @@ _FEWEST = 10
 _UNITS = ("unit", "units", "einheit", "einheiten")
 _LABELS = ("label", "name", "signalname")
 _REMARKS = ("description", "comment", "blockname")
-_INFOS = ("datainfo", "timeinfo")
 _VALUES = ("data", "values", "value", "val", "y", "x")
 _TIME = re.compile(
     r"(t|time|zeit|tout|timestamps?|zeitstempel|messzeit|elapsed_?time)(_?[\[(]?(s|sec|sek|ms|us|ns)[\])]?)?"
