@@ -91,6 +91,18 @@ def test_two_files_are_read_side_by_side(packed, tmp_path):
     assert ratios == [(500, 500, 10.0)] * 6
 
 
+def test_a_process_that_has_grown_is_left_to_the_files_that_are_open_in_it(packed, vectors, monkeypatch):
+    source = open_source(packed)
+    before = guard.reader(packed).worker.pid
+    megabytes = guard.reader(packed).worker.memory().allocated / 1e6
+    monkeypatch.setenv("CLUTCHID_READER_MEMORY", f"{3 * megabytes:.0f}MB")
+    assert guard.reader(vectors).worker.pid == before
+    monkeypatch.setenv("CLUTCHID_READER_MEMORY", f"{1.5 * megabytes:.0f}MB")
+    look(vectors)
+    assert guard.reader(vectors).worker.pid != before
+    assert sum(table.size for table in source.tables(0, [0], None)) == 3000
+
+
 @needs_signals
 def test_a_process_that_dies_on_a_file_is_one_sentence_and_the_next_file_is_read(packed):
     process = stopped()
@@ -187,7 +199,6 @@ def test_a_matlab_file_that_unpacks_to_gigabytes_is_not_read_as_a_whole(tmp_path
     path = tmp_path / "zeros.mat"
     zeros = np.zeros(7_000_000)
     savemat(path, {"time": zeros, "position": zeros, "duty_supply": zeros, "duty_exhaust": zeros}, do_compression=True)
-    guard.reader(path).worker.end()  # a new one has no memory of other files
     with pytest.raises(DataError, match=r"zeros\.mat: its 7,000,000 samples of 4 channels take 0\.224 GB"):
         read(path)
 

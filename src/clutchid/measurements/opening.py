@@ -182,14 +182,18 @@ _current: list[ReaderProcess] = []
 
 
 def reader(path: Path) -> ReaderProcess:
-    """The reader process of this command, started when it is needed first and again after it ended.
+    """The reader process of this command, started when it is needed first and again after it ended or has grown.
+
+    A process that has grown is left to the files that are open in it: libraries keep address space (Polars 2.3 GB for
+    a damaged Parquet file), so that later files would be refused for memory that they do not need.
 
     Raises
     ------
     DataError
         If it cannot be started; the text names the file at `path`, which is to be read.
     """
-    if not (_current and _current[0].worker.alive):
+    worker = _current[0].worker if _current else None
+    if worker is None or not worker.alive or worker.memory().allocated > memory() / 2:
         try:
             _current[:] = [ReaderProcess()]
         except OSError as error:

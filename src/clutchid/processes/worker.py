@@ -51,6 +51,13 @@ class WorkerEnd(NamedTuple):
     how: str = ""
 
 
+class Memory(NamedTuple):
+    """Memory of a process in bytes: what is `resident`, and what counts against the limit of its allocations."""
+
+    resident: int
+    allocated: int
+
+
 class Worker:
     """A process that answers questions, one at a time, until it ends.
 
@@ -122,21 +129,22 @@ class Worker:
             try:
                 answer = self._answers.get(timeout=_GLANCE)
             except queue.Empty:
-                if limits.memory and self._resident() > limits.memory:
+                if limits.memory and self.memory().resident > limits.memory:
                     return WorkerEnd("memory")
                 if limits.seconds and time.monotonic() - begin > limits.seconds:
                     return WorkerEnd("time")
                 continue
             return WorkerEnd("itself", ending(self._process.wait())) if answer is None else answer
 
-    def _resident(self) -> int:
-        """Bytes of memory that the process has; 0 once it has ended."""
+    def memory(self) -> Memory:
+        """Memory that the process has now; none once it has ended."""
         import psutil
 
         try:
-            return int(psutil.Process(self.pid).memory_info().rss)
+            memory = psutil.Process(self.pid).memory_info()
         except psutil.Error:
-            return 0
+            return Memory(0, 0)
+        return Memory(memory.rss, getattr(memory, "data", memory.rss))
 
 
 def _started(service: str, allocations: int, environment: Mapping[str, str]) -> subprocess.Popen[bytes]:
