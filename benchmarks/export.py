@@ -38,7 +38,9 @@ from clutchid.exports.target import FAST_FLAGS, SMALL, example_files
 from clutchid.log import FloatArray, Log
 from clutchid.observer import observer, start
 from clutchid.observer.configuration import Observer
+from clutchid.observer.inputs import window_size
 from clutchid.observer.methods import METHODS
+from clutchid.observer.rest import REMEMBERED
 from clutchid.truck import drive, truck
 
 STYLES = {
@@ -166,7 +168,9 @@ def bounds(observed: Observer, style: CStyle) -> Bound:
     c = program(source_files(observer_c99(observed, start(observed), style, "bound")), numbers, copied)
     most, spacing, every = float(joint.pace[2].max()), joint.settings.spacing, joint.settings.every
     steps, late = math.ceil(spacing * most), math.ceil(1e-6 * LATE * most)
-    c = c.with_values(known={"self->n_past": c.constants[f"{n}_n_past"]}, turns={"verdict_on": 1, "correct": 0})
+    window = window_size(spacing)
+    lengths = {"before->bin": window.bin, "before->bins": window.bins, "rest->n_returned": REMEMBERED}
+    c = c.with_values(known={"self->n_past": c.constants[f"{n}_n_past"], **lengths}, turns={"correct": 0})
     items = [
         c.with_values(known={"self->item": i, "of->item": i - 1}).call("work").cost
         for i in range(c.constants["n_items"])
@@ -176,7 +180,7 @@ def bounds(observed: Observer, style: CStyle) -> Bound:
 
     def sample(since_us: int, of_move: int, alone: int) -> float:
         follows = c.with_values(
-            turns={"move": of_move, "move_alone": alone}, known={"self->pending_us": 0, "self->sampled": 1}
+            turns={"move": of_move, "move_alone": alone}, known={"intake->pending": 0, "intake->sampled": 1}
         )
         return follows.call(f"{n}_fast", (None, None, None, since_us, None)).cost + max(slices)
 

@@ -31,7 +31,7 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.configuration import observer, start
 from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
-from clutchid.strokes.stroke import NO_STROKES, count_strokes
+from clutchid.strokes.stroke import count_strokes
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Wear of the facing in m.
@@ -187,7 +187,7 @@ def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, pass
     actuator = calibrated.actuator
     follower = observer(actuator, method, calibration=calibrated.calibration)
     state, truth = start(follower), worn.truth.load(GRID)
-    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), count_strokes(NO_STROKES, worn.log.time, worn.log["position"])[1]
+    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), count_strokes(worn.log.time, worn.log["position"])
 
     def error() -> float:
         off = 100 * (follower.load(state).force(GRID) - truth) / truth.max()

@@ -59,10 +59,10 @@ def test_every_method_keeps_them(method, tmp_path):
 @pytest.mark.parametrize(
     ("text", "instead", "number"),
     [
-        ("self->unknown_us <= 20000u)", "self->unknown_us <= 2000u)", "R3"),
+        ("(intake->undriven <= 20000u)", "(intake->undriven <= 2000u)", "R3"),
         ("(newest >= 0) ? (blocks[newest].counter + 1u) : 1u", "1u", "R8"),
         ("&blocks[(newest == 0) ? 1 : 0]", "&blocks[0]", "R8"),
-        ("rule_count_anew(self->watch, 16.0);", "", "R14"),
+        ("rule_count_anew(watch, (((double)(periods * 16000000u)) * 1e-06));", "", "R14"),
     ],
 )
 def test_a_promise_that_is_broken_is_named_by_its_number(text, instead, number, tmp_path):

@@ -15,16 +15,17 @@ from clutchid.log import Log
 from clutchid.observer import curve, observer, start
 from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.configuration import DRIFT
+from clutchid.observer.flags import ZERO_UNKNOWN
 from clutchid.observer.following import observe_strokes
 from clutchid.strokes.rule import VALUE
-from clutchid.strokes.stroke import BEGINS, ENDS, NO_STROKES, SHORTEST, count_strokes
+from clutchid.strokes.stroke import BEGINS, ENDS, SHORTEST, count_strokes
 from fixtures.export_c import replay, write_sources
 
 pytestmark = pytest.mark.slow
 
 #: Positions in m on both sides of the limits of a stroke, and samples at 1 kHz on both sides of its shortest time.
 LEVELS = (np.nan, 0.0, ENDS - 1e-4, ENDS + 1e-4, BEGINS - 1e-4, BEGINS + 1e-4, 8e-3)
-LENGTHS = (1, 5, *(round(1e3 * SHORTEST) + by for by in (-1, 0, 1)), 60)
+LENGTHS = (1, 5, *(round(1e-3 * SHORTEST) + by for by in (-1, 0, 1)), 60)
 
 #: Movement in m between two samples.
 RAMP = 2e-4
@@ -78,9 +79,9 @@ def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, moveme
     parts = [(0.0, 50), *movement, (8e-3, 60), (0.0, 50)]
     log = recorded(moved(parts))
     after, samples, at_ends = observe_strokes(learning, start(learning), log)
-    position = np.where((samples.verdicts == VALUE) & ~samples.no_zero, log["position"], np.nan)
-    counted, ends = count_strokes(NO_STROKES, log.time, position)
-    assert after.strokes == counted
+    position = np.where((samples.verdicts == VALUE) & ~samples.flagged(ZERO_UNKNOWN), log["position"], np.nan)
+    ends = count_strokes(log.time, position)
+    assert after.strokes == len(ends)
     assert [end.latest for end in at_ends] == log.time[ends].tolist()
     covariance = start(learning).T @ start(learning).T.T
     T = drifted(learning.joint, after.T, after.wear)
@@ -97,7 +98,7 @@ def unseen(plant, recorded_by):
     log = recorded_by(plant, driven=1)
     begins = int(np.argmax(log["position"] > BEGINS)) - 20
     seen = log.with_columns(position=np.where(np.arange(len(log)) < begins, log["position"], np.nan))
-    return seen.slice(0, count_strokes(NO_STROKES, log.time, log["position"])[1][0] + 200)
+    return seen.slice(0, count_strokes(log.time, log["position"])[0] + 200)
 
 
 def test_a_movement_that_is_no_stroke_does_not_drift_what_is_known(learning, plant, unseen):

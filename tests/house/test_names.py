@@ -51,10 +51,10 @@ def test_a_name_has_one_meaning():
     assert interfaces - several == set(), "take them from the table"
 
 
-#: Formulas, whose arguments are the letters in them, what the printer of kernels makes of a system, and a kernel that
-#: takes what it fills.
+#: Formulas, whose arguments are the letters in them, what the printer of kernels makes of a system, and kernels that
+#: take what they fill.
 FORMULAS = {"acceleration", "balanced_pressure", "diaphragm_force", "pressure_rate", "request"}
-LONG = {*FORMULAS, "step_function", "correct"}
+LONG = {*FORMULAS, "step_function", "correct", "take_in", "take_in_all"}
 
 
 def test_no_function_but_a_formula_has_more_than_eight_arguments_by_position():

@@ -98,6 +98,8 @@ def same(first, other):
         return [*first] == [*other] and all(same(first[key], other[key]) for key in first)
     if isinstance(first, tuple | list):
         return len(first) == len(other) and all(map(same, first, other))
+    if isinstance(first, np.record):
+        return same(first.item(), other.item())
     if isinstance(first, np.ndarray | float):
         return np.array_equal(first, other, equal_nan=True)
     return type(first).__eq__ is object.__eq__ or bool(first == other)

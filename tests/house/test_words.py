@@ -20,8 +20,7 @@ VAGUE = {"found", "one", "known", "done", "kept", "given", "each"}
 
 #: Fields of records whose names are keys of JSON or of a state, or public; of a program, the constants it knows.
 FIELDS = {
-    ("app/records.py", "found"), ("observer/by_stroke.py", "known"),
-    ("observer/state.py", "known"), ("inference/filter/references.py", "known"),
+    ("app/records.py", "found"), ("observer/by_stroke.py", "known"), ("inference/filter/references.py", "known"),
     ("benchmarks/instructions.py", "known"), ("benchmarks/wear_drawn.py", "known"),
     ("benchmarks/peers/ekf_in_c.py", "given"),
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """The temperature of the air on line: which one is in use, what follows from it, and that it is used."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,12 +9,16 @@ from sympy import Symbol
 
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
+from clutchid.log import Log
 from clutchid.model import Actuator, GroupChange, OwnModel, OwnParameter
 from clutchid.observer import observe, observer, start
-from clutchid.observer.air import air_of_samples, at_air
+from clutchid.observer.air import at_air
 from clutchid.observer.by_stroke import estimates_of, follow_strokes
+from clutchid.observer.flags import AIR_LOST, AIR_REFUSED
+from clutchid.observer.inputs import taken_in
 from clutchid.observer.run import unused_conditions
 from fixtures.cases import case_tables
+from fixtures.observing import with_inputs
 
 CASES = case_tables(__file__, "test_air")
 
@@ -37,23 +42,42 @@ def cold(worn):
     return worn.replace({name: r**power * worn.value(name) for name, power in powers.items() if name in worn.acting})
 
 
-@pytest.mark.parametrize(("used", "recorded", "changes", "aired", "refused"), CASES["temperatures"])
+@pytest.mark.parametrize(("used", "recorded", "changes", "refused"), CASES["temperatures"])
 def test_a_temperature_is_in_use_until_one_counts_that_differs_by_more_than_the_error_of_a_sensor(
-    joint, used, recorded, changes, aired, refused
+    joint, used, recorded, changes, refused
 ):
-    before, time = start(joint)._replace(temperature=used, aired=-7.0), np.arange(float(len(recorded)))
-    air = air_of_samples(joint, before, time, np.array(recorded))
-    assert ([*map(list, air.changes)], air.aired.tolist()) == (changes, aired)
-    assert "".join(".x"[int(is_refused)] for is_refused in air.refused) == refused
-    refused_before = air_of_samples(joint, before._replace(air_refused=True), np.arange(2.0), None)
-    assert refused_before.refused.all(), "until one counts"
+    samples = taken(joint, recorded, air=used, aired=6_000_000, air_count=1)
+    in_use = [used, *samples["air"].tolist()]
+    assert [[at, new] for at, (old, new) in enumerate(pairwise(in_use)) if new != old] == changes
+    assert "".join(".x"[int(is_refused)] for is_refused in samples["flags"] & AIR_REFUSED != 0) == refused
+    assert (taken(joint, [np.nan] * 2, air_refused=1)["flags"] & AIR_REFUSED != 0).all(), "until one counts"
+
+
+def taken(joint, temperatures, **intake):
+    """Samples a second apart with these temperatures of the air, which begin with some values of the intake."""
+    time = np.arange(float(len(temperatures)))
+    still = dict.fromkeys(("position", "duty_supply", "duty_exhaust"), np.zeros(time.size))
+    log = Log(time, {**still, "temperature_ambient": np.array(temperatures)})
+    before = with_inputs(start(joint), intake={"sampled": 1, **intake})
+    return taken_in(joint, before.inputs, -1.0, log)[0]
 
 
 def test_air_that_is_another_for_minutes_counts_and_that_of_a_minute_ago_is_not_known(joint):
-    before, time = start(joint)._replace(temperature=290.0, aired=0.0), np.arange(400.0)
-    air = air_of_samples(joint, before, time, np.full(400, 240.1))
-    assert air.changes == [(225, 240.1)]
-    assert np.flatnonzero(air.lost).tolist() == list(range(61, 225))
+    samples = taken(joint, np.full(400, 240.1), air=290.0, air_count=1000)
+    assert np.argmax(samples["air"] == 240.1) == 224
+    assert np.flatnonzero(samples["air_known"] == 0).tolist() == list(range(60, 224))
+
+
+@pytest.mark.parametrize("wrong", [1, 20])
+def test_a_first_temperature_that_is_wrong_is_outnumbered_by_the_next_ones(joint, wrong):
+    samples = taken(joint, [*[233.0] * wrong, *[291.0] * 50])
+    assert np.argmax(samples["air"] == CALIBRATED) == 2 * wrong
+    assert np.flatnonzero(samples["flags"] & AIR_REFUSED).tolist() == list(range(wrong, 2 * wrong))
+
+
+def test_infinity_is_no_temperature(joint):
+    samples = taken(joint, [291.0, np.inf, np.nan, 291.0])
+    assert (samples["flags"] & AIR_REFUSED != 0).tolist() == [False, True, True, False]
 
 
 def test_a_minute_after_the_last_temperature_the_band_is_that_of_an_unknown_one_however_the_recording_is_cut(
@@ -68,7 +92,7 @@ def test_a_minute_after_the_last_temperature_the_band_is_that_of_an_unknown_one_
     never, _, _ = follow_strokes(joint, start(joint), log)
     before, _ = observe(joint, start(joint), recorded.slice(0, 2000))
     assert after.temperature == 260.0
-    assert np.flatnonzero(samples.air_lost).tolist() == list(range(int(np.argmax(log.time > 61.5)), len(log)))
+    assert np.flatnonzero(samples.flagged(AIR_LOST)).tolist() == list(range(int(np.argmax(log.time > 61.5)), len(log)))
     share = [joint.load_deviation(s._replace(T=0.0 * s.T), y) / joint.load(s).force(y) for s in (before, after, never)]
     assert np.all(share[0] < share[1])
     np.testing.assert_allclose(share[1], share[2], rtol=0.1)
@@ -79,7 +103,7 @@ def test_a_minute_after_the_last_temperature_the_band_is_that_of_an_unknown_one_
     assert len(rows) > 1
     for row, piece in zip(rows, pieces, strict=True):
         np.testing.assert_array_equal(row.curve.high, piece.curve.high)
-    assert state.aired == after.aired
+    assert state.inputs.intake.aired == after.inputs.intake.aired
 
 
 def test_a_sensor_that_fails_for_a_second_changes_nothing(joint, worn, recorded_by):
@@ -101,7 +125,7 @@ def test_gas_walls_valves_and_grease_of_the_model_are_those_at_the_temperature(j
         assert colder.mapped.actuator.value(name) == pytest.approx(expected, rel=1e-12)
     at = [c.base for c in colder.coordinates].index("D_v")
     assert colder.free.numbers[at, 0] == colder.coordinates[at].mean == colder.mapped.actuator.value("D_v")
-    assert at_air(joint, CALIBRATED) is at_air(joint, np.nan) is joint
+    assert at_air(joint, CALIBRATED) is at_air(joint, 0.0) is joint
 
 
 def test_an_own_parameter_changes_by_what_its_row_has_in_its_unit(plant):
@@ -154,7 +178,7 @@ def test_a_temperature_that_the_calibration_lacks_is_not_used_and_that_is_said(p
     log = recorded_by(worn, seconds=3.0).with_columns(temperature_ambient=np.full(3000, 260.0))
     without = observer(plant, calibration=calibration(None))
     assert without.air is None
-    assert np.isnan(observe(without, start(without), log)[0].temperature)
+    assert observe(without, start(without), log)[0].temperature == 0.0
     (sentence,) = unused_conditions(without, log)
     assert "temperature_ambient is not used, because the calibration does not have it" in sentence
     assert unused_conditions(observer(plant, calibration=calibration()), log) == ()

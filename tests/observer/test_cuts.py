@@ -12,7 +12,7 @@ from clutchid.inference.uncertainty.conditions import RecordedConditions
 from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.observer import observe, observe_recording, observer, read_state, start, write_state
-from clutchid.observer.health import LIVE_FLAGS
+from clutchid.observer.flags import LIVE_FLAGS, REPEATED_TIME
 from clutchid.observer.live import after_block, live_run
 from clutchid.observer.methods import METHODS
 from clutchid.observer.run import usual_nis
@@ -135,7 +135,7 @@ def test_a_recording_with_as_many_samples_lost_as_repeated_has_nothing_at_those_
     present = np.arange(len(log)) != 500
     torn = Log(time[present], {name: values[present] for name, values in log.columns.items()}, log.name)
     samples = observe_recording(joint, torn).samples
-    assert np.flatnonzero(samples.repeated).tolist() == [510]
+    assert np.flatnonzero(samples.flagged(REPEATED_TIME)).tolist() == [510]
     assert np.isnan(samples.states[510]).all()
     _, alone = observe(joint, start(joint), torn.slice(0, 505))
     np.testing.assert_array_equal(samples.states[:505], alone.states)

@@ -31,7 +31,7 @@ def test_what_is_kept_does_not_grow(joint, log, monkeypatch):
     assert len(run.parts) <= 7
     assert len(run.strokes) == 1
     assert len(run.recent().log) <= 700
-    assert run.before.strokes.ended == 0
+    assert run.before.strokes == 0
 
 
 def test_faults_are_added_up_block_by_block(joint, log):

@@ -164,7 +164,7 @@ def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_befor
     state, samples = observe(joint, start(joint), log)
     lost = np.flatnonzero(~np.isfinite(samples.states[:, 0]))
     assert lost.tolist() == [at]
-    assert health(joint, np.empty(0), log, samples)["diverged"] == pytest.approx(1e-3)
+    assert health(joint, log, samples)["diverged"] == pytest.approx(1e-3)
     assert np.isfinite(state.T).all()
     assert not np.array_equal(state.theta, plain.theta)
     # the parameters right behind it are those at the end of the last stroke

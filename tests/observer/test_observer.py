@@ -12,9 +12,10 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.inference.filter.joint_filter import drifted
 from clutchid.observer import observe, observer, read_state, start, write_state
 from clutchid.observer.configuration import DRIFT
-from clutchid.observer.gaps import BRIDGED, UNKNOWN_SHARE, bridged
+from clutchid.observer.inputs import taken_in
+from clutchid.observer.intake import BRIDGED
 from clutchid.observer.methods import METHODS
-from clutchid.observer.state import FROZEN, Tail
+from clutchid.observer.state import FROZEN
 from fixtures.changed_logs import picked, spoiled
 from fixtures.observing import in_blocks
 
@@ -76,7 +77,7 @@ def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text)
 
 def test_a_hole_ends_a_stretch_and_what_is_known_of_the_load_stays(joint, plant, worn, log):
     state, samples = observe(joint, start(joint), spoiled(log, "duty_supply", slice(2500, 2700)))
-    bridged = 2500 + round(BRIDGED / joint.spacing)
+    bridged = 2500 + round(BRIDGED * 1e-6 / joint.spacing)
     assert np.isnan(samples.states[bridged:2700]).all()
     assert np.isfinite(samples.states[:bridged]).all(), "for a short time the duty cycles are held"
     assert np.isfinite(samples.states[2700:]).all()
@@ -100,13 +101,8 @@ def test_parts_of_a_correction_are_counted_in_samples_also_where_some_are_late(j
 def test_a_valve_may_have_been_open_for_a_share_of_each_sample_that_is_missing(joint, log):
     """The square of the time adds up over the missing samples, as errors that are independent."""
     state, _ = observe(joint, start(joint), log.slice(0, 100))
-    later = log.slice(100, 110)
-    samples = Tail(later.time, later.duties(), later["position"], np.full(10, np.nan), np.zeros(10))
-    present = np.r_[0:3, 5:7, 8:10]
-    torn, none = Tail(*(column[present] for column in samples)), np.zeros(present.size, dtype=bool)
-    of_gaps = bridged(state, torn, none, none, joint.spacing).samples.open_std
-    lost = np.array([0, 0, 0, 2, 0, 1, 0])
-    assert of_gaps == pytest.approx(UNKNOWN_SHARE * joint.spacing * np.sqrt(lost))
+    torn = picked(log.slice(100, 110), np.isin(np.arange(10), [0, 1, 2, 5, 6, 8, 9]))
+    assert taken_in(joint, state.inputs, state.latest, torn)[0]["unknown"].tolist() == [0, 0, 0, 2, 0, 1, 0]
 
 
 def test_the_samples_of_a_frozen_sensor_are_left_out(joint, plant, worn, log):

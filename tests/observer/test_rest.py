@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_equal
 
+from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import new_record, values_in
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.observer import observe_recording, observer
 from clutchid.observer.configuration import start
-from clutchid.observer.rest import new_stretch, rest_pace, watch_rest
-from clutchid.observer.state import NOTHING, RestWatch
+from clutchid.observer.inputs import taken_in, window_size
+from clutchid.observer.rest import Rest, RestBefore
 from clutchid.strokes.vented_rest import VentedRest, vented_rest
 from clutchid.truck import drive, truck
 
@@ -47,7 +49,7 @@ def test_a_moved_zero_is_flagged_and_subtracted_and_the_load_is_nearer_to_that_w
     for zero in ("subtract", "keep"):
         joint = observer(plant, calibration=calibration, zero=zero)
         run = observe_recording(joint, moved(log))
-        assert run.after.rest.shift == pytest.approx(OFFSET, abs=2e-5)
+        assert run.after.rest_shift == pytest.approx(OFFSET, abs=2e-5)
         assert run.health["rest_moved"] > 3.0
         loads[zero] = joint.load(run.after).force(at)
     true = observer(plant).load(plain.after).force(at)
@@ -75,21 +77,38 @@ def test_what_was_learnt_from_another_zero_is_forgotten(plant, log, calibration)
         assert_equal(getattr(after, name), getattr(start(joint), name))
 
 
+def watched(rest, before, position, duties):
+    """Shifts that become known while the rest is watched, with the samples behind them; the rest is changed."""
+    size, changes = window_size(1e-3), []
+    calibrated = new_record(
+        RestBefore, exists=1, lowest=before.lowest, returned=before.returned, level=1e-5, range=1.25e-4, bin=size.bin,
+        bins=size.bins, vents=50,
+    )  # fmt: skip
+    memory = np.zeros(size.bin), np.zeros(size.bins)
+    for i, (y, (supply, exhaust)) in enumerate(zip(position.tolist(), duties.tolist(), strict=True)):
+        if kernels_in("clutchid.observer.rest_rule").watch_rest(rest, calibrated, *memory, y, supply, exhaust):
+            changes.append((i + 1, rest.shift))
+    return changes
+
+
+def nothing(**values):
+    """The rest before the first sample."""
+    return new_record(Rest, lowest=np.nan, **values)
+
+
 def test_a_hole_keeps_the_shift_until_a_rest_says_else():
-    watch = RestWatch(shift=2e-4, lowest=2e-4, returned=(5e-4,), excursion=True)
-    assert new_stretch(watch) == RestWatch(shift=2e-4)
+    rest = nothing(shift=2e-4, n_returned=1, excursion=1)
+    kernels_in("clutchid.observer.rest_rule").new_stretch(rest)
+    assert_equal(values_in(rest), values_in(nothing(shift=2e-4)))
 
 
 def test_rests_above_the_stop_change_no_shift_that_they_allow():
-    before, pace = VentedRest(0.0, 5e-4, 1e-5), rest_pace(1e-3, 0.025)
+    before = VentedRest(0.0, 5e-4, 1e-5)
     y = np.concatenate([np.full(500, 1e-2), np.full(500, 5.5e-4)])
     duties = np.column_stack([np.zeros(1000), (np.arange(1000) > 450) * 1.0])
-    watch, changes = watch_rest(NOTHING, before, pace, y, duties)
-    assert [shift for _, shift in changes] == [0.0], "the zero is known, and as before"
-    assert watch.returned == pytest.approx((5.5e-4,))
-    moved_before = NOTHING._replace(shift=1e-4)
-    assert watch_rest(moved_before, before, pace, y, duties)[1] == [(650, 1e-4)], "friction allows this shift too"
-    assert watch_rest(NOTHING, before, pace, y + 1e-3, duties)[1][0][1] == pytest.approx(1.05e-3)
+    assert [shift for _, shift in watched(nothing(), before, y, duties)] == [0.0], "the zero is known, and as before"
+    assert watched(nothing(shift=1e-4), before, y, duties) == [(650, 1e-4)], "friction allows this shift too"
+    assert watched(nothing(), before, y + 1e-3, duties)[0][1] == pytest.approx(1.05e-3)
 
 
 def after_strokes(levels):
@@ -102,22 +121,23 @@ def after_strokes(levels):
 @pytest.mark.parametrize("strokes", [2, 5])
 @pytest.mark.parametrize("step", [3e-4, -3e-4, 2e-3])
 def test_rests_that_agree_are_a_moved_sensor_also_where_friction_holds_the_piston_far_above_its_stop(step, strokes):
-    before, pace = VentedRest(0.0, 5.66e-4, 6e-6), rest_pace(1e-3, 0.025)
+    before, rest = VentedRest(0.0, 5.66e-4, 6e-6), nothing()
     levels = 5.5e-4 + 1e-5 * np.array([0, -1, -1, 0, -1, 0, 0, 0, 1, 0]) + step * (np.arange(10) >= strokes)
     at_stop = np.concatenate([np.zeros(500), after_strokes(levels)[0]])
     duties = np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), after_strokes(levels)[1]])
     moves = 500 + 1000 * strokes
-    watch, _ = watch_rest(NOTHING, before, pace, at_stop[:moves], duties[:moves])
-    assert watch.shift == 0.0
-    watch, _ = watch_rest(watch, before, pace, at_stop[moves : moves + 3000], duties[moves : moves + 3000])
-    assert watch.shift == pytest.approx(step, abs=3e-5)
+    watched(rest, before, at_stop[:moves], duties[:moves])
+    assert rest.shift == 0.0
+    watched(rest, before, at_stop[moves : moves + 3000], duties[moves : moves + 3000])
+    assert rest.shift == pytest.approx(step, abs=3e-5)
 
 
 def test_rests_of_another_friction_are_no_moved_sensor():
-    before, pace = VentedRest(0.0, 5e-4, 1e-5), rest_pace(1e-3, 0.025)
+    before, rest = VentedRest(0.0, 5e-4, 1e-5), nothing()
     y, duties = after_strokes(np.linspace(5e-4, 3.5e-4, 10))
     both = np.concatenate([np.zeros(500), y]), np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), duties])
-    assert watch_rest(NOTHING, before, pace, *both)[0].shift == 0.0
+    watched(rest, before, *both)
+    assert rest.shift == 0.0
 
 
 @pytest.mark.slow
@@ -128,7 +148,5 @@ def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):
     joint = observer(plant, "states", calibration=Calibration((), np.zeros((0, 0)), rest=before))
     for options in ({}, {"offset": OFFSET}, {"sensor_zero": "kept", "wear": 2e-3}):
         driven = drive(kind, seconds=20, seed=2, pressure=False, **options)
-        pace = rest_pace(joint.spacing, plant.parameters.y_max)
-        duties = np.column_stack([driven.log[name] for name in ("duty_supply", "duty_exhaust")])
-        watch, _ = watch_rest(NOTHING, before, pace, driven.log["position"], duties)
-        assert watch.shift == pytest.approx(driven.truth.shift, abs=2.5e-5)
+        _, inputs = taken_in(joint, start(joint).inputs, np.nan, driven.log)
+        assert inputs.rest.shift == pytest.approx(driven.truth.shift, abs=2.5e-5)

@@ -11,6 +11,7 @@ from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.log import Log
 from clutchid.observer import curve, estimates_of, observe, observe_recording, observer, start
 from clutchid.observer.by_stroke import curve_positions
+from clutchid.observer.flags import ZERO_UNKNOWN
 from clutchid.observer.health import FLAGS
 from clutchid.observer.prior import AIR_STD, ASSUMED
 from clutchid.observer.run import spacing
@@ -193,7 +194,7 @@ def test_a_position_that_jumps_and_stays_is_not_used_until_a_rest_has_shown_its_
 
 def zero_shown(samples):
     """The sample from which the zero of a position that jumped is known."""
-    return int(np.flatnonzero(samples.no_zero)[-1]) + 1
+    return int(np.flatnonzero(samples.flagged(ZERO_UNKNOWN))[-1]) + 1
 
 
 @pytest.mark.parametrize("hole", ["time", "duty", "another jump"])
@@ -208,11 +209,11 @@ def test_a_hole_after_a_jump_whose_zero_a_rest_has_shown_leaves_no_position_out(
         ),
     }[hole]
     whole = observe_recording(rested, later)
-    no_zero = whole.samples.no_zero[shown : begin + 300]
+    no_zero = whole.samples.flagged(ZERO_UNKNOWN)[shown : begin + 300]
     assert not no_zero.any()
     assert whole.after.jumped
     zeroed = "it counts from the vented rest since" in " ".join(observed_verdict(indicators(whole)).reasons)
-    assert zeroed == (whole.after.unzeroed == ())
+    assert zeroed == (not whole.after.unzeroed)
     assert zeroed or hole == "another jump"
     parts = observe_recording(rested, later.slice(0, begin + 50))
     second = observe_recording(rested, later.slice(begin + 50, len(later)), parts.after)
@@ -222,8 +223,8 @@ def test_a_hole_after_a_jump_whose_zero_a_rest_has_shown_leaves_no_position_out(
 
 def test_without_a_rest_in_the_calibration_a_jump_leaves_the_load_as_it_was_and_says_why(joint, log, moved):
     run = observe_recording(joint, moved)
-    begin = int(np.argmax(run.samples.no_zero))
-    assert run.samples.no_zero[begin:].all()
+    begin = int(np.argmax(run.samples.flagged(ZERO_UNKNOWN)))
+    assert run.samples.flagged(ZERO_UNKNOWN)[begin:].all()
     assert not np.isfinite(run.samples.states[begin:]).any()
     verdict = observed_verdict(indicators(run))
     assert verdict.trust == "none"

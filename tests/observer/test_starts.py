@@ -32,7 +32,7 @@ def test_a_stroke_whose_beginning_was_not_followed_teaches_nothing_and_the_next_
     run = observe_recording(joint, log.slice(returns, len(log)))
     assert run.health["not_learning"] == pytest.approx(1e-3 * (ends - returns + 1)), "and that is flagged"
     state, _ = observe(joint, state, log.slice(ends, len(log)))
-    assert state.strokes.ended > 1
+    assert state.strokes > 1
     assert not state.partial
     assert np.abs(state.theta).max() > 0.1
 

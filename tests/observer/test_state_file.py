@@ -11,6 +11,7 @@ from clutchid.errors import ParameterError
 from clutchid.inference.filter.setup import ADAPTS, WEARS
 from clutchid.observer import observe, read_state, start, write_state
 from fixtures.cases import case_tables
+from fixtures.observing import with_inputs
 
 CASES = case_tables(__file__, "test_state_file")
 
@@ -62,6 +63,11 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
     assert np.array_equal(read_state(joint, path).T, state.T)
 
 
+def inputs(**records):
+    """Other values in the records of the inputs."""
+    return lambda state: {"inputs": with_inputs(state, **records).inputs}
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -88,20 +94,20 @@ def test_other_blanks_comments_and_line_ends_are_no_change(joint, state, tmp_pat
         (lambda _: {"leaking": 1}, "leaking is neither true nor false"),
         (lambda _: {"zero": 7.0}, "has moved by more than 0.005 m"),
         (lambda s: {"deviations": spoiled(s.deviations, -1.0)}, "a standard deviation is below 0"),
-        (lambda s: {"strokes": s.strokes._replace(ended=-1)}, "ended is no number of at least 0"),
-        (lambda s: {"strokes": s.strokes._replace(began=np.nan)}, "strokes has a value that is not finite"),
+        (lambda _: {"strokes": -1}, "strokes is no number of at least 0"),
         (lambda s: {"tail": s.tail._replace(time=spoiled(s.tail.time, np.nan))}, "tail has a value that is not finite"),
         (lambda s: {"tail": s.tail._replace(time=s.tail.time[::-1])}, "the times of tail do not increase"),
         (lambda s: {"tail": s.tail._replace(duties=spoiled(s.tail.duties, 7.0))}, "a duty cycle of tail is outside"),
         (lambda s: {"tail": s.tail._replace(position=s.tail.position[1:])}, "different lengths"),
-        (lambda _: {"jumped": True, "unzeroed": (2.0, 1.0)}, "the jumps without a zero are not in order"),
-        (lambda _: {"unzeroed": (1.0,)}, "or there was none"),
-        (lambda _: {"jumped": True, "unzeroed": (np.nan,)}, "unzeroed has a value that is not finite"),
-        (lambda s: {"rest": s.rest._replace(shift=np.nan)}, "has moved by more than 0.005 m"),
-        (lambda s: {"rest": s.rest._replace(lowest=1e300)}, "a vented rest lies above 0.003 m"),
-        (lambda s: {"rest": s.rest._replace(returned=(0.0,) * 9)}, "more than 8 vented rests"),
-        (lambda s: {"rest": s.rest._replace(window=np.array([np.nan]))}, "rest has a value that is not finite"),
-        (lambda s: {"rest": s.rest._replace(vents=-1)}, "vents is no number of at least 0"),
+        (inputs(intake={"unzeroed": 1}), "the position has no zero, and no jump"),
+        (inputs(intake={"driven": 2}), "a mark is neither 0 nor 1"),
+        (inputs(intake={"air": 5.0}), "is no temperature of the air"),
+        (inputs(rest={"shift": np.nan}), "has moved by more than 0.005 m"),
+        (inputs(rest={"lowest": 1e300}), "a vented rest lies above 0.003 m"),
+        (inputs(rest={"n_returned": 9}), "more of a vented rest is remembered than can be"),
+        (inputs(rest={"n_bin": 10}), "more of a vented rest is remembered than can be"),
+        (lambda s: {"inputs": s.inputs._replace(bin=s.inputs.bin + np.inf)}, "rest has a value that is not finite"),
+        (inputs(rest={"vents": -1}), "vents is no number of at least 0"),
     ],
 )
 def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, state, tmp_path, change, reason):

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from clutchid.log import Log
+from clutchid.strokes.rest_shift import FURTHEST
 from clutchid.strokes.travel import Travel, travel_change
-from clutchid.strokes.vented_rest import FURTHEST, VentedRest, from_rest, merged_levels, rest_shift, vented_rest
+from clutchid.strokes.vented_rest import VentedRest, from_rest, merged_levels, rest_shift, vented_rest
 from clutchid.truck import drive, truck
 
 

@@ -32,7 +32,7 @@ from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import Loads, ObservedRecording, curve, curve_positions, estimates_of, loads, start
-from clutchid.observer.health import FLAGS, LIVE_FLAGS
+from clutchid.observer.flags import FLAGS, LIVE_FLAGS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,7 +73,7 @@ def strokes_figure(run: ObservedRecording) -> Figure:
 
     grid = curve_positions(run.observer)
     curves: list[LoadCurve] = [curve(run.observer, run.before, grid), *(row.curve for row in run.strokes)]
-    number = np.array([run.before.strokes.ended, *(row.number for row in run.strokes)], dtype=np.float64)
+    number = np.array([run.before.strokes, *(row.number for row in run.strokes)], dtype=np.float64)
     places = [int(np.argmin(np.abs(grid - position))) for position in _FOLLOWED if position <= grid[-1]]
     figure, axes = new_figure([1.25] * len(places))
     for axis, at in zip(axes, places, strict=True):

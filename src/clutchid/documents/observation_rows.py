@@ -35,7 +35,7 @@ def load_sentence(run: ObservedRecording) -> str:
     half = POINTS // 2
     change = after.force[half] - before.force[half]
     share = 100.0 * change / before.force.max()
-    strokes = run.after.strokes.ended - run.before.strokes.ended
+    strokes = run.after.strokes - run.before.strokes
     return (
         f"load at {before.position[half] / MM:.1f} mm {before.force[half]:.0f} → {after.force[half]:.0f} N "
         f"({share:+.1f} % of the peak), {strokes} stroke{'' if strokes == 1 else 's'}"
@@ -97,11 +97,11 @@ def observe_json(run: ObservedRecording, origin: Origin) -> dict[str, Any]:
         "warnings": warnings,
         "method": run.observer.method,
         "calibration": origin._asdict(),
-        "strokes": run.after.strokes.ended,
+        "strokes": run.after.strokes,
         "health": dict(run.health),
         "trust": judged.trust,
         "reasons": list(judged.reasons),
         "nis_ratio": run.after.mismatch if run.observer.compares else None,
         "supply_assumed": run.assumes_supply,
-        "rest_shift_m": run.after.rest.shift,
+        "rest_shift_m": run.after.rest_shift,
     }

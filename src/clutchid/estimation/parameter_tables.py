@@ -19,7 +19,7 @@ from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import DEFAULT_KNOTS, MOST_KNOTS, Load
 from clutchid.names import unknown_names
 from clutchid.parameters import Parameters
-from clutchid.strokes.vented_rest import FURTHEST
+from clutchid.strokes.rest_shift import FURTHEST
 
 #: The entry of ``[actuator]`` that is no field of `Equipment`: a constant load in N, against positive motion.
 _GRAVITY = "gravity_load"

@@ -16,7 +16,7 @@ from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import PARAMETER, WEIGHT
 from clutchid.log.states import SENSOR_PARAMETERS, SENSORS
 from clutchid.observer.configuration import Observer
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
 
 #: Limits of what has none: FLOAT32 holds them in every unit.
 _UNLIMITED = 1e30

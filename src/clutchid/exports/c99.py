@@ -13,39 +13,38 @@ from typing import Any, Literal
 import numpy as np
 
 from clutchid.codegen.c99 import CSource, c99_source, comment
-from clutchid.codegen.kernel_c99 import kernel_c99
+from clutchid.codegen.kernel_c99 import CNames, kernel_c99, record_c99, values_c99
 from clutchid.codegen.language import C_WORDS
 from clutchid.codegen.templates import template
 from clutchid.errors import ParameterError
 from clutchid.estimation.assess import comparison, observed
 from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
-from clutchid.inference.filter.setup import LONG
 from clutchid.inference.uncertainty import conditions
-from clutchid.log import HOLE
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import by_stroke, contradiction, health, mismatch, rest
+from clutchid.observer import by_stroke, contradiction, intake, intake_rule, mismatch, rest, rest_rule
 from clutchid.observer.configuration import LEAK_FOUND, Observer
 from clutchid.observer.following import BEYOND_STOPS, HELD_BACK
-from clutchid.observer.gaps import BRIDGED, SHORT, longest
+from clutchid.observer.inputs import SHORT, no_inputs, rules, window_size
 from clutchid.observer.state import FROZEN, ObserverState
 from clutchid.simulation import plan
-from clutchid.strokes import excitation, plausible, rest_level, rule, stroke, values, vented_rest
+from clutchid.strokes import excitation, plausible, rest_shift_rule, rule, stroke, stroke_rule
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
 
-#: Microseconds after which the clock of the watch for values begins anew: in float it has few digits.
-CLOCK = 16_000_000
+#: Modules whose kernels are printed, in the order of their calls; records of the state of an observer, and of its data.
+_KERNELS = (plausible, stroke_rule, rest_shift_rule, rest_rule, intake_rule, contradiction)
+_STATES = (rule.Watch, stroke.Stroke, rest.Rest, intake.Intake, intake.Sample)
+_DATA = (intake.IntakeLimits, rule.ValueLimits, rest.RestBefore)
 
 #: Modules whose constants the templates take, by name.
 _CONSTANTS = SimpleNamespace(**{
     module.__name__.rpartition(".")[2]: module
     for module in (
-        by_stroke, comparison, conditions, contradiction, excitation, health, mismatch, observed, plan, rest,
-        rest_level, rule, stroke, values, vented_rest,
+        by_stroke, comparison, conditions, contradiction, excitation, mismatch, observed, plan, rest, stroke,
     )
 })  # fmt: skip
 
@@ -130,8 +129,8 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
     data = data_of(observer, state)
     derivatives = [c.base for c in joint.coordinates[: joint.moving.of_model.size]]
     model = replace(system(actuator.model), name=f"{style.name}_model")
-    pace, number = rest.rest_pace(observer.spacing, observer.actuator.parameters.y_max), c_number(style.real)
-    rules = "judge_next", "count_anew", *(("judge_supply",) if observer.supply else ())
+    names = CNames(style.real, c_number(style.real), "rule_", style.name)
+    window, fresh, expected = window_size(observer.spacing), no_inputs(observer.spacing), rules(observer)
     entries = {
         **data,
         **_times(observer),
@@ -144,20 +143,22 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "supply": "pressure_supply" in joint.measure,
         "inputs": _inputs(observer),
         "carrier": carrier_us(actuator) > 0 and "c_pwm" in kernels(actuator.model).INPUTS,
-        "bins": pace.bins,
-        "bins_in_window": pace.window // pace.bins,
+        "bins": window.bin,
+        "bins_in_window": window.bins,
         "quantile": QUANTILE,
         "leak_found": LEAK_FOUND,
         "frozen": FROZEN,
-        "rules": kernel_c99(plausible, rules, style.real, "rule_", number),
-        "contradiction": kernel_c99(contradiction, ("excess_after",), style.real, "contradiction_", number),
+        "rules": kernel_c99(_KERNELS, ("take_in", "excess_after"), names),
+        "states_of_rules": "\n".join(record_c99(record, names) for record in _STATES),
+        "records_of_rules": "\n".join(record_c99(record, names) for record in _DATA),
+        "no_intake": values_c99(fresh.intake, names),
+        "no_watch": values_c99(fresh.watch, names),
+        "intake_limits": values_c99(expected.limits, names),
+        "value_limits": values_c99(expected.bounds, names),
+        "rest": values_c99(expected.before, names),
         "correction_s": joint.settings.every * joint.settings.spacing,
-        "n_watch": values.new_watch().size,
-        "clock_us": CLOCK,
         "beyond_stops": BEYOND_STOPS,
         "held_us": round(HELD_BACK / stroke.RESOLUTION),
-        "lost_us": round(conditions.LOST / stroke.RESOLUTION),
-        "shortest_stroke_us": round(stroke.SHORTEST / stroke.RESOLUTION),
         "rounded_down": 1.0 - 1e-9,
         "every": joint.settings.every,
         "shares": correction_shares(size_of(joint), joint.settings.every),
@@ -200,11 +201,8 @@ def _times(observer: Observer) -> dict[str, Any]:
         "carrier_us": period,
         "period": observer.joint.mapped.actuator.parameters.T_pwm,
         "spacing_us": spacing,
-        "hole_us": int(HOLE * spacing),
-        "long_us": int(LONG * spacing),
-        "longest_us": int(longest(observer.spacing) / stroke.RESOLUTION),
         "shortest_us": round(SHORT * spacing),
-        "bridged_us": round(BRIDGED / stroke.RESOLUTION),
+        "bridged_us": intake.BRIDGED,
         "past": period // spacing + 3,
     }
 

@@ -14,18 +14,13 @@ from clutchid.inference.filter.setup import LAG, LAG_OF, OFFSET, OFFSET_OF, PARA
 from clutchid.log import FloatArray
 from clutchid.log.states import NOISE_SPAN, SENSORS
 from clutchid.model.actuator import Actuator
-from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.configuration import Observer
-from clutchid.observer.following import PRESSURES
-from clutchid.observer.gaps import UNKNOWN_SHARE
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
+from clutchid.observer.following import PRESSURES, UNKNOWN_SHARE
 from clutchid.observer.prior import AIR_STD, ASSUMED, BY_FORMULA, KNOWN_AIR_STD, LEAK
-from clutchid.observer.rest import rest_pace
 from clutchid.observer.state import ObserverState
 from clutchid.observer.state_file import fingerprint
 from clutchid.simulation.noise import state_deviations
-from clutchid.strokes.values import limits
-from clutchid.strokes.vented_rest import LEVEL
 from clutchid.version import installed_version
 
 
@@ -83,16 +78,16 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
     """Values of the data's template: an observer, and what is known in `state` of the parameters that adapt."""
     joint = observer.joint
     values = _filter_values(joint) | _derived_values(joint) | _start_values(observer)
-    values |= _noise_values(observer) | _band_values(observer) | _rest_values(observer)
+    values |= _noise_values(observer) | _band_values(observer)
     return values | {
         "theta": state.theta.tolist(),
         "root": _triangle(state.T),
         "prior": _triangle(observer.prior.root),
         "G": state.G[:, 0].tolist() if state.G.size else [],
-        "strokes": state.strokes.ended,
+        "strokes": state.strokes,
         "zero": 2 if state.unzeroed else int(state.jumped),
         "mismatch": state.mismatch,
-        "shift": state.rest.shift,
+        "shift": state.rest_shift,
         "flagged": [FLAGGED.get(flag, (np.inf, np.inf)) for flag in FLAGS],
         "flags": FLAGS,
         "most_trust": TRUSTS.index(most_trust(observer)),
@@ -163,10 +158,7 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "at_y_max": names.index("y_max"),
         "y_max": actuator.parameters.y_max,
         "y_max_calibrated": observer.actuator.parameters.y_max,
-        "suspect_from": min(observer.suspect_from, 1.0),
         "supply_ratio": observer.supply.ratio if observer.supply else 1.0,
-        "supply_recorded": observer.supply.recorded if observer.supply else 0.0,
-        "limits": limits(observer.actuator, "position", observer.spacing).tolist(),
         "possible": [PRESSURES[0] * observer.actuator.parameters.P_0, PRESSURES[1] * observer.actuator.parameters.P_S],
     }
 
@@ -197,29 +189,11 @@ def _band_values(observer: Observer) -> dict[str, Any]:
         "missed": observer.missed**2,
         "supply_share": observer.supply.share if observer.supply else ASSUMED,
         "by_air": [AIR_STD / p.y_max, KNOWN_AIR_STD / p.y_max],
-        "air": observer.air.calibrated if observer.air else 0.0,
         "air_powers": [powers.get(name, 0.0) for name in parameters],
         "air_flow": powers.get("C_vs", 0.0) + powers.get("T_0", 0.0),
         "supply_formula": 0.0 if observer.joint.considered else BY_FORMULA * observer.supply_std,
         "ambient_force": p.A_A * p.P_0,
         "leak": names.index(LEAK) if LEAK in names else -1,
-    }
-
-
-def _rest_values(observer: Observer) -> dict[str, Any]:
-    rest = observer.calibration.rest if observer.calibration else None
-    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
-    quantum = rest.quantum if rest else 0.0
-    return {
-        "rest_data": {
-            "known": int(rest is not None),
-            "subtracted": int(observer.zero == "subtract"),
-            "vents": pace.vents,
-            "range": pace.range,
-            "lowest": rest.lowest if rest else np.nan,
-            "returned": rest.returned if rest else np.nan,
-            "level": QUANTILE * np.sqrt(2.0) * np.hypot(LEVEL, quantum / np.sqrt(12.0)),
-        }
     }
 
 

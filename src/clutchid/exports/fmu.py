@@ -36,7 +36,7 @@ from clutchid.model.equipment import Equipment
 from clutchid.model.own.units import dimension_of
 from clutchid.observer.by_stroke import curve_positions
 from clutchid.observer.configuration import Observer
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
 from clutchid.observer.state import ObserverState
 from clutchid.parameters import Row
 from clutchid.simulation.inputs import ROUNDING

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from clutchid.estimation.assess.observed import TRUSTS
 from clutchid.measurements.formats.can.dbc import Signal
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
 from clutchid.version import installed_version
 
 #: Time in ms from one frame of a message to the next.

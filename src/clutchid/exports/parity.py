@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.codegen.c99 import CSource
+from clutchid.codegen.records import record_copy
 from clutchid.codegen.templates import template
 from clutchid.errors import ExportError
 from clutchid.exports.c99 import CStyle, source_files
@@ -20,10 +21,9 @@ from clutchid.log import FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.observer.configuration import Observer, start
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
 from clutchid.observer.run import follow_block
-from clutchid.observer.state import ObserverState, RestWatch, Sound
-from clutchid.strokes.stroke import Strokes
+from clutchid.observer.state import ObserverState, Sound
 
 #: Standard deviation of the position sensor's noise in the trial drive in m.
 _SENSOR_NOISE = 1e-5
@@ -111,10 +111,11 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     """The state that an export begins with: what a saved one knows of parameters, strokes and the zero."""
     fresh = start(observer)
     sound = Sound(saved.theta, drifted(observer.joint, saved.T, saved.wear), saved.G, fresh.wear)
+    shift = saved.zero if observer.zero == "subtract" else saved.rest_shift
+    intake = record_copy(fresh.inputs.intake, jumped=saved.jumped, unzeroed=saved.unzeroed)
     fresh = fresh._replace(
-        **sound._asdict(), sound=sound, strokes=Strokes(saved.strokes.ended), mismatch=saved.mismatch,
-        rest=RestWatch(shift=saved.zero if observer.zero == "subtract" else saved.rest.shift), zero=saved.zero,
-        jumped=saved.jumped, unzeroed=(-np.inf,) if saved.unzeroed else (),
+        **sound._asdict(), sound=sound, strokes=saved.strokes, mismatch=saved.mismatch, zero=saved.zero,
+        inputs=fresh.inputs._replace(intake=intake, rest=record_copy(fresh.inputs.rest, shift=shift)),
     )  # fmt: skip
     return fresh._replace(leaking=observer.leaks(fresh))
 
@@ -261,7 +262,7 @@ def parity(observer: Observer, state: ObserverState, log: Log, in_c: Replayed) -
         pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
         differences=tuple(differences),
         flags=flags,
-        strokes=(after.strokes.ended, int(in_c.outputs[-1, RESULT_COLUMNS.index("strokes")])),
+        strokes=(after.strokes, int(in_c.outputs[-1, RESULT_COLUMNS.index("strokes")])),
     )
 
 

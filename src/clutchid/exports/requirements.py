@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.codegen.templates import template
-from clutchid.exports.c99 import CLOCK, CStyle, c_number
+from clutchid.exports.c99 import CStyle, c_number
 from clutchid.exports.parity import trial_drive
 from clutchid.log import Log
 from clutchid.observer.configuration import Observer
+from clutchid.observer.intake import CLOCK
 from clutchid.strokes.stroke import BEGINS
 
 

@@ -97,7 +97,5 @@ def follow_strokes(
     """
     after, samples, ends = observe_strokes(observer, state, block)
     at = curve_positions(observer)
-    rows = [
-        StrokeRow(end.latest, end.strokes.ended, curve(observer, end, at), estimates_of(observer, end)) for end in ends
-    ]
+    rows = [StrokeRow(end.latest, end.strokes, curve(observer, end, at), estimates_of(observer, end)) for end in ends]
     return after, samples, rows

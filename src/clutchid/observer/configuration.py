@@ -11,11 +11,11 @@ from clutchid.errors import ParameterError
 from clutchid.inference.filter.joint_filter import JointFilter, JointSettings, init, joint_filter
 from clutchid.inference.filter.setup import FilterState
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.conditions import LOST
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSORS
 from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
+from clutchid.observer.inputs import no_inputs
 from clutchid.observer.methods import EVERY, method_for
 from clutchid.observer.prior import (
     AIR_STD,
@@ -38,7 +38,6 @@ from clutchid.observer.prior import (
 from clutchid.observer.state import EMPTY, ObserverState, Sound, Tail, segment_of
 from clutchid.simulation.noise import Noise
 from clutchid.simulation.stiffness import pace
-from clutchid.strokes.stroke import RESOLUTION
 from clutchid.strokes.travel import suspect_from
 from clutchid.strokes.vented_rest import Zero
 
@@ -144,7 +143,7 @@ class Observer:
         It has parts that no recording makes smaller: what the model missed on the calibration recordings, and the
         supply pressure, whether it is recorded or assumed. Where the innovations are larger than in those recordings,
         its variance is as much larger. Air and grease may have another temperature than in the calibration, or than is
-        recorded, see `deviation_by_air`; `LOST` s after the last value that counts it is unknown. A supply that is not
+        recorded, see `deviation_by_air`; some time after the last value that counts it is unknown. A supply that is not
         recorded may have changed since, see `considered_supply`: that part is left out if the supply is
         `as_calibrated`.
         """
@@ -153,7 +152,7 @@ class Observer:
         by_supply = load_deviation(share, self.actuator, load, position)
         deviations = load.phi(position) @ self.prior.weights @ state.T
         squared = np.sum(deviations**2, axis=1) + self.missed**2 + by_supply**2
-        by_air = KNOWN_AIR_STD if state.latest - state.aired <= LOST + 0.5 * RESOLUTION else AIR_STD
+        by_air = KNOWN_AIR_STD if state.air_known else AIR_STD
         variance = max(1.0, state.mismatch) * squared + deviation_by_air(by_air, self.actuator, load, position) ** 2
         deviation: FloatArray = np.sqrt(variance if as_calibrated else variance + self._considered(state, position))
         return deviation
@@ -255,7 +254,9 @@ def start(observer: Observer) -> ObserverState:
     theta, T = np.zeros(len(observer.prior.free)), observer.prior.root.copy()
     G = np.zeros((theta.size, 0 if observer.joint.considered is None else observer.joint.considered.start.shape[1]))
     none = np.zeros(1, dtype=np.int64)
-    return ObserverState(None, theta, T, G, none, EMPTY, unknown(observer), Sound(theta, T, G, none))
+    return ObserverState(
+        None, theta, T, G, none, EMPTY, unknown(observer), Sound(theta, T, G, none), no_inputs(observer.spacing)
+    )
 
 
 def blank(observer: Observer) -> FilterState:

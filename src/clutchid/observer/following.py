@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.arguments import checked
 from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import Records
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import (
     Diverged,
@@ -23,16 +22,17 @@ from clutchid.inference.filter.joint_filter import (
     init,
 )
 from clutchid.inference.filter.setup import FilterState, intervals
-from clutchid.log import INPUTS, BoolArray, FloatArray, Log, all_of, any_of
-from clutchid.observer.air import air_of_samples, at_air
+from clutchid.inference.uncertainty.conditions import LOST
+from clutchid.log import INPUTS, BoolArray, FloatArray, IntArray, Log, any_of
+from clutchid.observer import flags
+from clutchid.observer.air import at_air
 from clutchid.observer.configuration import Observer, start, unknown
-from clutchid.observer.gaps import bridged, latest_driven, longest, repeats
+from clutchid.observer.inputs import taken_in
 from clutchid.observer.mismatch import mismatches
-from clutchid.observer.rest import WRONG, new_stretch, rest_pace, watch_rest
+from clutchid.observer.rest import WRONG
 from clutchid.observer.state import (
     EMPTY,
     ObserverState,
-    RestWatch,
     Sound,
     Tail,
     filter_values,
@@ -40,22 +40,15 @@ from clutchid.observer.state import (
     segment_of,
     usable_positions,
 )
-from clutchid.strokes import rule
-from clutchid.strokes.stroke import BEGINS, RESOLUTION, Strokes, count_strokes
-from clutchid.strokes.values import (
-    BELIEVED,
-    Verdicts,
-    ends_stretch,
-    is_value,
-    limits,
-    outside,
-    supply_differs,
-    watched,
-    within_rounding,
-)
+from clutchid.strokes.stroke import BEGINS, RESOLUTION
+from clutchid.strokes.values import Verdicts, outside
 
 #: Shares of ambient and supply pressure, and distance in m beyond the stops, outside of which a filter has diverged.
 PRESSURES, BEYOND_STOPS = (0.01, 10.0), 5e-3
+
+#: Standard deviation of the time that a valve is open besides its held duty cycle, as a share of the interval.
+#: Provenance: docs/derivations_online.md.
+UNKNOWN_SHARE = 0.3
 
 #: Where innovations contradict the inputs, what was learnt since the last stroke is taken back, and nothing is learnt
 #: for this time in s. Provenance: docs/derivations_online.md.
@@ -84,22 +77,17 @@ class Observed(NamedTuple):
         See `clutchid.observer.mismatch`; NaN where it does not move.
     leaking : (n,)
         Whether chamber A leaked at the end of the stroke before.
-    rest : m, (n,)
-        How far the vented rest has moved since the calibration, as known at that sample.
-    no_zero : (n,)
-        Whether the position has jumped, and no vented rest has shown its zero since: it is not used.
-    verdicts : (n,)
-        On the positions, see `clutchid.strokes.rule`.
     contradicted : (n,)
         Whether innovations have contradicted the inputs in the second before, see `clutchid.observer.contradiction`.
     partial : (n,)
         Whether nothing is learnt from the sample, as its stroke was not followed from its beginning.
-    supply_unlike : (n,)
-        Whether a supply pressure is recorded that cannot be right, see `clutchid.observer.prior.RecordedSupply`.
-    air_refused, air_lost : (n,)
-        See `clutchid.observer.air.AirOfSamples`.
-    repeated : (n,)
-        Whether a sample follows the last one so soon that it repeats it.
+    rest : m, (n,)
+        How far the vented rest has moved since the calibration, as known at that sample.
+    flags, verdicts : (n,)
+        Flags that show before the filter takes a sample, see `clutchid.observer.flags`, and the verdict on its
+        position, see `clutchid.strokes.rule`.
+    lost : (n,)
+        Number of samples that are missing in a hole before it.
     """
 
     time: FloatArray
@@ -109,15 +97,16 @@ class Observed(NamedTuple):
     used: BoolArray
     mismatch: FloatArray
     leaking: BoolArray
-    rest: FloatArray
-    no_zero: BoolArray
-    verdicts: Verdicts
     contradicted: BoolArray
     partial: BoolArray
-    supply_unlike: BoolArray
-    air_refused: BoolArray
-    air_lost: BoolArray
-    repeated: BoolArray
+    rest: FloatArray
+    flags: IntArray
+    verdicts: Verdicts
+    lost: IntArray
+
+    def flagged(self, flag: int) -> BoolArray:
+        """Whether each sample has a flag, by its bit."""
+        return np.asarray(self.flags & flag != 0)
 
 
 @checked
@@ -148,128 +137,43 @@ def observe_strokes(
         As `observe`.
     """
     _check(state, block)
-    repeated, before = repeats(block.time, state.latest, observer.spacing), state
-    values, state = _values(observer, state, block, repeated)
-    samples, rows, latest_input = bridged(state, values.samples, repeated, values.ends, observer.spacing)
-    driven: BoolArray = np.logical_and.reduce(np.isfinite(samples.duties), axis=1)
-    observed, stretches = _nothing(observer, samples.time), _stretches(observer, samples, driven)
-    rest, unzeroed, moves = _rests(observer, state, samples, stretches, driven, observed)
-    counted = subtracted(observer, observed.rest)
-    samples = samples._replace(position=np.where(observed.no_zero, np.nan, samples.position - counted))
-    strokes, ends = count_strokes(state.strokes, samples.time, samples.position)
-    of_air = air_of_samples(observer, state, block.time, block.columns.get("temperature_ambient"))
-    air = {int(np.searchsorted(samples.time, block.time[at])): temperature for at, temperature in of_air.changes}
-    judged, at_ends = 0, list[ObserverState]()
-    for begin, end in stretches:
-        if not (driven[begin] and _continues(observer, state, samples.time[begin])):
+    taken, inputs = taken_in(observer, state.inputs, state.latest, block)
+    observed, at = _nothing(observer, block.time, taken), np.flatnonzero(taken["flags"] != flags.REPEATED_TIME)
+    samples = _tail(observer, block.time[at], taken[at])
+    at_ends = list[ObserverState]()
+    for a, b in pairwise(_cuts(state, taken[at])):
+        sample = taken[at[a]]
+        if sample["begins"]:
             state = _ended(observer, state)
-        cuts = {begin, end}
-        if ends or moves or air:
-            cuts |= {*(i + 1 for i in ends if begin <= i < end), *(at for at in (*moves, *air) if begin < at < end)}
-        for a, b in pairwise(sorted(cuts)):
-            state = _counted(observer, state, float(counted[a]))
-            if a in air:
-                state = state._replace(temperature=air[a])
-            if driven[a]:
-                state = _piece(at_air(observer, state.temperature), state, samples, (a, b), observed)
-            observed.leaking[a:b] = state.leaking
-            if b - 1 in ends:
-                state = _stroke_ended(observer, _judged(observer, state, observed, slice(judged, b)))
-                latest = float(samples.time[b - 1])
-                aired = of_air.aired[block.time <= latest][-1:].tolist() or [state.aired]
-                at_ends.append(_ended(observer, state)._replace(latest=latest, aired=aired[0]))
-                judged = b
-    state = _judged(observer, state, observed, slice(judged, samples.time.size))
-    state = state._replace(
-        rest=rest, unzeroed=unzeroed, strokes=strokes, known=latest_input,
-        aired=float(of_air.aired[-1]) if len(block) else state.aired,
-        air_refused=bool(of_air.refused[-1]) if len(block) else state.air_refused,
-        latest=float(samples.time[-1]) if samples.time.size else state.latest,
-        temperature=air.get(samples.time.size, state.temperature),
-    )  # fmt: skip
-    if any_of(repeated):
-        observed = _of_rows(observed, _latest(observer, before), rows, repeated)
-    observed = observed._replace(
-        time=block.time, verdicts=values.verdicts, supply_unlike=values.supply_unlike,
-        air_refused=of_air.refused, air_lost=of_air.lost, repeated=repeated,
-    )  # fmt: skip
-    return state, observed, at_ends
+        state = _counted(observer, state, float(sample["zero"]))._replace(temperature=float(sample["air"]))
+        if sample["driven"]:
+            state = _piece(at_air(observer, state.temperature), state, samples, (a, b), at, observed)
+        observed.leaking[at[a:b]] = state.leaking
+        state = _judged(observer, state, observed, at[a:b])
+        if taken["ends"][at[b - 1]]:
+            state = _stroke_ended(observer, state)
+            air_known = bool(taken["air_known"][at[b - 1]])
+            at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1]), air_known=air_known))
+    intake, latest = inputs.intake, float(block.time[-1]) if len(block) else state.latest
+    air_known = bool(intake.air > 0.0 and intake.aired <= LOST)
+    return state._replace(inputs=inputs, latest=latest, air_known=air_known), observed, at_ends
 
 
-class _Values(NamedTuple):
-    """The samples of a block, in which what is no value is missing, why, and where a stretch ends."""
-
-    samples: Tail
-    verdicts: Verdicts
-    supply_unlike: BoolArray
-    ends: BoolArray
+def _tail(observer: Observer, time: FloatArray, taken: Records) -> Tail:
+    """Samples as the filter takes them."""
+    open_std = UNKNOWN_SHARE * observer.spacing * np.sqrt(taken["unknown"])
+    duties = np.column_stack([taken["duty_supply"], taken["duty_exhaust"]])
+    return Tail(time, duties, taken["position"].copy(), taken["supply_pressure"].copy(), open_std)
 
 
-def _values(observer: Observer, state: ObserverState, block: Log, repeated: BoolArray) -> tuple[_Values, ObserverState]:
-    """The values of a block, and the state after it.
-
-    As `clutchid.strokes.values.values_of`, but for a jump of the position, which is believed a second later: there a
-    stretch ends. The exported C judges by the same rule, which is printed from that text.
-    """
-    n, recorded, repeats_some = len(block), "pressure_supply" in block, any_of(repeated)
-    names = ("position", *INPUTS, "pressure_supply")
-    judged, taken = block, np.arange(n)
-    if repeats_some:
-        taken = (~repeated).nonzero()[0]
-        judged = Log(block.time[taken], {name: block[name][taken] for name in names if name in block})
-    duties = judged.duties()
-    of_taken, since, watch = watched(state.values, _limits(observer), judged, "position", duties)
-    verdicts, position = of_taken, block["position"]
-    unlike, jumps, ends = np.zeros((3, n), dtype=bool)
-    supply_watch = state.supply
-    if repeats_some or any_of(of_taken != rule.VALUE):
-        verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
-        verdicts[taken] = of_taken
-        # what counted for less time before a step was the outlier itself
-        jumps[taken] = (of_taken == rule.SEAM) & (since[:, 0] - since[:, 1] >= BELIEVED)
-        position, ends = np.where(is_value(verdicts), position, np.nan), ends_stretch(verdicts)
-    if recorded and observer.supply is not None:
-        unlike[taken], supply_watch = supply_differs(state.supply, observer.supply.recorded, judged)
-    samples = Tail(
-        block.time,
-        within_rounding(block.duties() if repeats_some else duties),
-        position,
-        np.where(unlike, np.nan, block["pressure_supply"]) if recorded else np.full(n, np.nan),
-        np.zeros(n),
-    )
-    jumped = any_of(jumps)
-    after = state._replace(
-        values=watch, jumped=state.jumped or jumped, supply=supply_watch,
-        unzeroed=(*state.unzeroed, *block.time[jumps].tolist()) if jumped else state.unzeroed,
-    )  # fmt: skip
-    return _Values(samples, verdicts, unlike, ends), after
-
-
-@lru_cache(maxsize=4)
-def _limits(observer: Observer) -> FloatArray:
-    """Limits of the position, which are the same for all samples."""
-    return limits(observer.actuator, "position", observer.spacing)
-
-
-def _latest(observer: Observer, state: ObserverState) -> Observed:
-    """Results of the sample before a block, as far as a sample that repeats it has them."""
-    latest = _nothing(observer, np.full(1, state.latest))
-    latest.rest[:], latest.no_zero[:], latest.leaking[:] = state.rest.shift, bool(state.unzeroed), state.leaking
-    latest.contradicted[:] = state.latest < _held_until(state)
-    return latest
-
-
-def _of_rows(observed: Observed, before: Observed, rows: NDArray[np.int64], repeated: BoolArray) -> Observed:
-    """Results of the samples of a block, in which nothing is estimated at those that are repeated.
-
-    The first samples may repeat the one `before` the block, whose row is -1.
-    """
-    columns = zip(before, observed, strict=True)
-    observed = Observed._make(np.concatenate([first, column])[rows + 1] for first, column in columns)
-    for array in (observed.states, observed.deviations, observed.innovations, observed.mismatch):
-        array[repeated] = np.nan
-    observed.used[repeated] = False
-    return observed
+def _cuts(state: ObserverState, taken: Records) -> list[int]:
+    """Samples where a stretch, another zero or another temperature begins, or a stroke has ended; and their number."""
+    begins = taken["begins"] == 1
+    for name, before in (("zero", state.zero), ("air", state.temperature)):
+        begins |= np.append(before, taken[name][:-1])[: taken.size] != taken[name]
+    begins[1:] |= taken["ends"][:-1] == 1
+    begins[:1] = True
+    return [*np.flatnonzero(begins).tolist(), taken.size]
 
 
 def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
@@ -280,12 +184,12 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     wear = state.wear + observer.joint.drifts.shape[1]
     return state._replace(
         filter=state.filter and state.filter._replace(wear=wear), wear=wear,
-        sound=Sound(state.theta, state.T, state.G, wear), strokes=Strokes(state.strokes.ended + 1),
+        sound=Sound(state.theta, state.T, state.G, wear), strokes=state.strokes + 1,
         leaking=observer.leaks(state), partial=False,
     )  # fmt: skip
 
 
-def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: slice) -> ObserverState:
+def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: IntArray) -> ObserverState:
     """The state with the mismatch after some samples; fills that of `observed`."""
     if not observer.compares:
         return state
@@ -298,38 +202,6 @@ def _judged(observer: Observer, state: ObserverState, observed: Observed, sample
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
     """Value in m subtracted from the recorded position, for shifts of the vented rest in m."""
     return rest if observer.zero == "subtract" else np.zeros_like(rest)
-
-
-def _rests(
-    observer: Observer,
-    state: ObserverState,
-    samples: Tail,
-    stretches: Sequence[tuple[int, int]],
-    driven: BoolArray,
-    observed: Observed,
-) -> tuple[RestWatch, tuple[float, ...], list[int]]:
-    """State of the vented rest after a block, the jumps whose zero it has not shown, and the samples at which its shift
-    is known anew; fills `observed`.
-    """
-    watch, unzeroed, moves = state.rest, state.unzeroed, list[int]()
-    before = observer.calibration.rest if observer.calibration else None
-    pace = rest_pace(observer.spacing, observer.actuator.parameters.y_max)
-    time, duties = samples.time, samples.duties
-    for begin, end in stretches:
-        if begin > 0 or not time[begin] - latest_driven(state) <= longest(observer.spacing):
-            watch = new_stretch(watch)
-        observed.rest[begin:end] = watch.shift
-        observed.no_zero[begin:end] = bool(unzeroed) and unzeroed[0] <= time[begin]  # a jump begins a stretch
-        # a rest settles all jumps before it: the first of them says enough
-        unzeroed = (*unzeroed[:1], *(jump for jump in unzeroed[1:] if jump > time[end - 1]))
-        if before is None or not driven[begin]:
-            continue
-        watch, changes = watch_rest(watch, before, pace, samples.position[begin:end], duties[begin:end])
-        for at, shift in changes:
-            observed.rest[begin + at : end], observed.no_zero[begin + at : end] = shift, False
-            moves.append(begin + at)
-            unzeroed = tuple(jump for jump in unzeroed if jump >= time[begin + at - 1])
-    return watch, unzeroed, moves
 
 
 def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverState:
@@ -346,22 +218,24 @@ def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverS
     return ended._replace(**sound._asdict(), sound=sound)
 
 
-def _nothing(observer: Observer, time: FloatArray) -> Observed:
+def _nothing(observer: Observer, time: FloatArray, taken: Records) -> Observed:
     """Results of samples of which none can be used, to be filled."""
     n = time.size
-    states = np.full((n, len(observer.actuator.states)), np.nan)
-    used, leaking, no_zero, *others = np.zeros((9, n), dtype=bool)
-    innovations, mismatch = np.full((n, 2), np.nan), np.full(n, np.nan)
-    verdicts = np.full(n, rule.VALUE, dtype=np.uint8)
+    states, innovations = np.full((n, len(observer.actuator.states)), np.nan), np.full((n, 2), np.nan)
+    used, leaking, contradicted, partial = np.zeros((4, n), dtype=bool)
     return Observed(
-        time, states, states.copy(), innovations, used, mismatch, leaking, np.zeros(n), no_zero, verdicts, *others
-    )
+        time, states, states.copy(), innovations, used, np.full(n, np.nan), leaking, contradicted, partial,
+        taken["rest"].copy(), taken["flags"].copy(), taken["verdict"].astype(np.uint8), taken["lost"].copy(),
+    )  # fmt: skip
 
 
 def _piece(
-    observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], observed: Observed
+    observer: Observer, state: ObserverState, samples: Tail, span: tuple[int, int], at: IntArray, observed: Observed
 ) -> ObserverState:
-    """Follow a part of a stretch with known inputs, from each sample after one at which the filter diverged anew."""
+    """Follow a part of a stretch with known inputs, from each sample after one at which the filter diverged anew.
+
+    `at` are the places of the samples in `observed`.
+    """
     a, b = span
     while a < b:
         if state.filter is None:
@@ -378,13 +252,13 @@ def _piece(
             observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
         )
         if passed is not None:
-            end = a + len(passed.states)
-            observed.states[a:end], observed.deviations[a:end] = passed.states, passed.deviations
-            observed.innovations[a:end], observed.used[a:end] = passed.errors[:, 0], usable
-            observed.partial[a:end] = partial
-        observed.contradicted[a : a + count] = bool(held)
+            rows = at[a : a + len(passed.states)]
+            observed.states[rows], observed.deviations[rows] = passed.states, passed.deviations
+            observed.innovations[rows], observed.used[rows] = passed.errors[:, 0], usable
+            observed.partial[rows] = partial
+        observed.contradicted[at[a : a + count]] = bool(held)
         a += count
-        observed.contradicted[a - 1] |= state.contradicted == samples.time[a - 1]
+        observed.contradicted[at[a - 1]] |= state.contradicted == samples.time[a - 1]
     return state
 
 
@@ -420,21 +294,6 @@ def _check(state: ObserverState, block: Log) -> None:
             raise DataError(
                 f"{block.name}: {name} is {block[name][at]:.4g} at {block.time[at]:.6g} s; a duty cycle is from 0 to 1."
             )
-
-
-def _stretches(observer: Observer, samples: Tail, driven: BoolArray) -> list[tuple[int, int]]:
-    """Ranges of samples with known inputs and without holes, and single samples without inputs."""
-    hole = samples.time[1:] - samples.time[:-1] > longest(observer.spacing)
-    if all_of(driven) and not any_of(hole):
-        return [(0, driven.size)] if driven.size else []
-    cuts = np.flatnonzero(hole | ~driven[1:] | ~driven[:-1]) + 1
-    return [(a, b) for a, b in pairwise([0, *cuts.tolist(), samples.time.size]) if b > a]
-
-
-def _continues(observer: Observer, state: ObserverState, time: float) -> bool:
-    """Whether a sample with known inputs goes on from the last one."""
-    tail = state.tail.time
-    return bool(tail.size and time - tail[-1] <= longest(observer.spacing))
 
 
 def _ended(observer: Observer, state: ObserverState) -> ObserverState:

@@ -11,8 +11,9 @@ import numpy as np
 from clutchid.log import Log, concatenated
 from clutchid.observer.by_stroke import StrokeRow
 from clutchid.observer.configuration import Observer
+from clutchid.observer.flags import FLAGS, LIVE_FLAGS
 from clutchid.observer.following import Observed
-from clutchid.observer.health import FLAGS, LIVE_FLAGS, live_health
+from clutchid.observer.health import live_health
 from clutchid.observer.run import (
     ObservedRecording,
     SupplyUse,
@@ -93,7 +94,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
     Parameters
     ----------
     left_out
-        Number of samples by live flag, see `clutchid.observer.health.LIVE_FLAGS`.
+        Number of samples by live flag, see `clutchid.observer.flags.LIVE_FLAGS`.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         As `clutchid.observer.observe`.
     """
     before = np.array([run.latest])[np.isfinite([run.latest])]
-    part = follow_block(run.observer, run.after, block, before)
+    part = follow_block(run.observer, run.after, block)
     of_feed = live_health(run.observer, before, block, left_out)
     health = {**part.health, **of_feed, "repeated": part.health["repeated"] + of_feed["repeated"]}
     part = replace(part, health=health)

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import NamedTuple
+from typing import Annotated
 
-import numpy as np
-
-from clutchid.log import BoolArray, FloatArray
-from clutchid.observer.state import RestWatch
-from clutchid.strokes.rest_level import CLOSED, CREEP, LEVEL_BIN, STILL
-from clutchid.strokes.sampled import runs
-from clutchid.strokes.vented_rest import VENTS, VentedRest, rest_shift, unlike
+from clutchid.codegen.records import Count
+from clutchid.log import FloatArray
 
 #: A vented rest lies below this position in m, whatever its sensor adds; above it is an excursion.
 LOW = 3e-3
@@ -30,120 +24,58 @@ REMEMBERED = 8
 AGREEING, EARLIER, APART = 3, 2, 1.5e-4
 
 
-class RestPace(NamedTuple):
-    """Samples in a still window and in its bins, greatest range in m of the bins, and samples of a vented rest."""
+class Rest:
+    """The vented rest between two samples.
 
-    window: int
-    bins: int
-    range: float
-    vents: int
-
-
-@cache
-def rest_pace(spacing: float, stroke: float) -> RestPace:
-    """Numbers for samples that are `spacing` s apart, of an actuator with a stroke in m."""
-    bins = max(1, round(LEVEL_BIN / spacing))
-    window = max(3, round(STILL / (bins * spacing))) * bins
-    return RestPace(window, bins, CREEP * stroke / 2, max(1, round(VENTS / spacing)))
-
-
-def watch_rest(
-    watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, duties: FloatArray
-) -> tuple[RestWatch, list[tuple[int, float]]]:
-    """Follow the vented rest through samples of a stretch; where its shift changes or is first seen, and what it is.
-
-    A new level changes the shift only where its interval excludes it, so that recordings without a rest at the stop
-    keep what an earlier one showed. Blocks of any length give the same.
-
-    Parameters
+    Attributes
     ----------
-    before : VentedRest
-        Of the calibration.
-    position, duties
-        Recorded positions in m, (n,), and duty cycles of supply and exhaust, (n, 2).
+    shift : m
+        How far it is taken to have moved since the calibration.
+    lowest, returned : m
+        Levels of the stretch: the lowest, NaN before there is one, and the last `n_returned` ones after a stroke.
+    n_bin, n_medians
+        Positions in the bin, and medians of bins in the still window, so far.
+    vents
+        Samples with an open exhaust valve since the piston came to rest.
+    excursion, taken
+        1 where the piston was away before, and where the level of the present rest has been taken.
+    sorted
+        Memory of a median.
     """
-    low = (position <= LOW) & (duties[:, 0] <= CLOSED)
-    high = position > LOW
-    changes: list[tuple[int, float]] = []
-    at, unknown = 0, bool(np.isnan(watch.lowest))
-    for a, b in runs(low):
-        watch = _passed(watch, high[at:a])
-        watch, levels = _low(watch, before, pace, position[a:b], duties[a:b, 1] > CLOSED)
-        for index, lowest, returned in levels:
-            shift = _believed(watch.shift, before, VentedRest(lowest, _median(returned), before.quantum))
-            if shift != watch.shift or unknown:
-                changes.append((a + index, shift))
-                watch, unknown = watch._replace(shift=shift), False
-        at = b
-    return _passed(watch, high[at:]), changes
+
+    shift: float
+    lowest: float
+    returned: Annotated[FloatArray, REMEMBERED]
+    sorted: Annotated[FloatArray, REMEMBERED]
+    n_returned: int
+    n_bin: int
+    n_medians: int
+    vents: Count
+    excursion: int
+    taken: int
 
 
-def _passed(watch: RestWatch, high: BoolArray) -> RestWatch:
-    """After samples that are no rest: high ones belong to an excursion."""
-    if high.size == 0:
-        return watch
-    away = bool(high.any())
-    return watch._replace(
-        window=np.empty(0), vents=0, excursion=watch.excursion or away, taken=watch.taken and not away
-    )
+class RestBefore:
+    """The vented rest of the calibration, and what a still window is.
 
+    Attributes
+    ----------
+    exists, subtracted
+        1 where the calibration has one, and where the position counts from it.
+    lowest, returned, level : m
+        Its levels, and half a 95 % interval of one.
+    range : m
+        Largest range of the medians of a still window.
+    bin, bins, vents
+        Samples in a bin, bins in a window, and samples of a vented rest.
+    """
 
-def _low(
-    watch: RestWatch, before: VentedRest, pace: RestPace, position: FloatArray, opened: BoolArray
-) -> tuple[RestWatch, list[tuple[int, float, tuple[float, ...]]]]:
-    """Follow low samples with the supply closed: number of the sample behind each new level, and the levels then."""
-    changes: list[tuple[int, float, tuple[float, ...]]] = []
-    at = 0
-    while at < position.size:
-        end = min(position.size, at + pace.window - watch.window.size)
-        window = np.concatenate([watch.window, position[at:end]])
-        watch = watch._replace(window=window, vents=watch.vents + int(opened[at:end].sum()))
-        at = end
-        if window.size < pace.window:
-            break
-        medians = np.median(window.reshape(-1, pace.bins), axis=1)
-        still = float(np.ptp(medians)) <= pace.range
-        if still and not watch.taken and (watch.vents >= pace.vents or not watch.excursion):
-            level = float(np.median(medians))
-            returned = (*watch.returned, level)[-REMEMBERED:] if watch.excursion else watch.returned
-            lowest = float(np.fmin(watch.lowest, level))
-            moved = _moved_stop(before, lowest, returned)
-            if moved is not None:
-                lowest, returned = moved, tuple(sorted(returned[-AGREEING:]))
-            watch = watch._replace(lowest=lowest, returned=returned, taken=True)
-            changes.append((at, lowest, returned))
-        watch = watch._replace(window=np.empty(0), vents=watch.vents if still else 0)
-    return watch, changes
-
-
-def _moved_stop(before: VentedRest, lowest: float, returned: tuple[float, ...]) -> float | None:
-    """The stop in m, NaN where it is not known, where the last rests after a stroke agree that the sensor has moved."""
-    last, earlier = returned[-AGREEING:], returned[:-AGREEING]
-    if not _agree(last, AGREEING):
-        return None
-    step = _median(last) - _median(earlier)
-    if _agree(earlier, EARLIER) and abs(step) > APART:
-        return lowest + step
-    now = VentedRest(lowest, _median(returned), before.quantum)
-    return float("nan") if before.at_stop and now.at_stop and unlike(before, now) else None
-
-
-def _agree(levels: tuple[float, ...], least: int) -> bool:
-    return len(levels) >= least and bool(np.ptp(levels) <= APART)
-
-
-def _median(levels: tuple[float, ...]) -> float:
-    return float(np.median(levels)) if levels else float("nan")
-
-
-def _believed(shift: float, before: VentedRest, now: VentedRest) -> float:
-    """The shift in m after a new level: as before unless its interval excludes that."""
-    apart = rest_shift(before, now)
-    if apart is None or apart.low <= shift <= apart.high:
-        return shift
-    return apart.value if apart.moved else 0.0
-
-
-def new_stretch(watch: RestWatch) -> RestWatch:
-    """State after a hole, in which a sensor may have been exchanged: the shift stays until the next rest."""
-    return RestWatch(shift=watch.shift)
+    exists: int
+    subtracted: int
+    lowest: float
+    returned: float
+    level: float
+    range: float
+    bin: int
+    bins: int
+    vents: Count

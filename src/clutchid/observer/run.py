@@ -18,6 +18,7 @@ from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estimates_of, follow_strokes
 from clutchid.observer.configuration import Observer, observer, start
+from clutchid.observer.flags import SUPPLY_UNLIKE
 from clutchid.observer.following import Observed, observe, subtracted
 from clutchid.observer.health import health
 from clutchid.observer.mismatch import normalised
@@ -243,10 +244,8 @@ def no_sample(name: str) -> str:
     return f"{name}: no sample has a position and both duty cycles, all finite; there is nothing to observe."
 
 
-def follow_block(
-    observer: Observer, before: ObserverState, log: Log, earlier: FloatArray | None = None
-) -> ObservedRecording:
-    """Follow a part of a recording, of any length; `earlier` are the times in s just before, by default of the state.
+def follow_block(observer: Observer, before: ObserverState, log: Log) -> ObservedRecording:
+    """Follow a part of a recording, of any length.
 
     Raises
     ------
@@ -255,8 +254,7 @@ def follow_block(
     """
     after, samples, rows = follow_strokes(observer, before, log)
     values = _values(log, samples)
-    times = before.tail.time if earlier is None else earlier
-    fault_seconds = health(observer, times, values, samples)
+    fault_seconds = health(observer, values, samples)
     seconds = duration(observer, log.time)
     supply = _supply_use(observer, log, values)
     return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds, supply)
@@ -274,7 +272,7 @@ def _values(log: Log, samples: Observed) -> Log:
     verdicts = samples.verdicts
     wrong = {"position": ~is_value(verdicts), **dict.fromkeys(INPUTS, ends_stretch(verdicts))}
     if "pressure_supply" in log:
-        wrong["pressure_supply"] = samples.supply_unlike | outside("pressure_supply", log["pressure_supply"])
+        wrong["pressure_supply"] = samples.flagged(SUPPLY_UNLIKE) | outside("pressure_supply", log["pressure_supply"])
     columns = {name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items() if mask.any()}
     return log.with_columns(**columns) if columns else log
 

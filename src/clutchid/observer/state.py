@@ -6,14 +6,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from clutchid.codegen.records import record_copy
 from clutchid.inference.filter.setup import FilterState
-from clutchid.log import BoolArray, FloatArray, IntArray, all_of, read_only
+from clutchid.log import BoolArray, FloatArray, IntArray, all_of
 from clutchid.model.actuator import Actuator
+from clutchid.observer.intake import Intake
+from clutchid.observer.rest import Rest
 from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import Segment
 from clutchid.strokes.excitation import VENTED_POSITION
-from clutchid.strokes.stroke import NO_STROKES, Strokes
-from clutchid.strokes.values import NO_SUPPLY, new_watch
+from clutchid.strokes.rule import Watch
+from clutchid.strokes.stroke import Stroke
 
 #: As many equal samples of the position in a row are a frozen sensor, and the later ones are left out.
 FROZEN = 15
@@ -23,7 +26,7 @@ class Tail(NamedTuple):
     """The last samples of a stretch without holes: what the next one needs of them, and how many equal positions.
 
     `supply` is the recorded supply pressure in Pa, NaN where there is none; `open_std` how long in s a valve may have
-    been open besides its duty cycle in the interval that ends at a sample: 0 where that is known, see `gaps`.
+    been open besides its duty cycle in the interval that ends at a sample: 0 where that is known.
     """
 
     time: FloatArray
@@ -96,26 +99,19 @@ def last_samples(samples: Tail, seconds: float) -> Tail:
     return Tail(*(array[begin:].copy() for array in samples))
 
 
-class RestWatch(NamedTuple):
-    """State of the vented rest between two samples.
+class Inputs(NamedTuple):
+    """State of the inputs between two samples: records of the intake, and memory of its vented rest."""
 
-    `shift` is how far in m it is taken to have moved since the calibration. `lowest` and `returned` are the levels in m
-    of the stretch: the lowest, NaN before there is one, and the last ones after a stroke. `window` are the positions
-    since the last still window, `vents` the samples with an open exhaust valve since the piston came to rest;
-    `excursion` says whether the piston was away before, `taken` whether the level of the present rest has been.
-    """
+    intake: Intake
+    watch: Watch
+    stroke: Stroke
+    rest: Rest
+    bin: FloatArray
+    medians: FloatArray
 
-    shift: float = 0.0
-    lowest: float = float("nan")
-    returned: tuple[float, ...] = ()
-    window: FloatArray = np.empty(0)
-    vents: int = 0
-    excursion: bool = False
-    taken: bool = False
-
-
-#: Before the first sample.
-NOTHING = RestWatch()
+    def copied(self) -> Inputs:
+        """A copy that kernels may change."""
+        return Inputs._make(map(record_copy, self))
 
 
 class Sound(NamedTuple):
@@ -135,16 +131,12 @@ class ObserverState(NamedTuple):
     for strokes that have ended, see `FilterState`; `filter` is None before the first sample of a stretch. `deviations`
     (states,) are those of the last correction, NaN before it. `number` counts the samples of the stretch, and `partial`
     says whether it began within the stroke that goes on, which then teaches nothing. `sound` is what was known at the
-    end of the last stroke, to which the observer goes back if it diverges; `mismatch` is the present mean of the NIS
-    over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke; `rest` is
-    what is known of the vented rest, and `zero` what is subtracted from the position in m; `values` watches for
-    positions that are no values; `jumped` says whether one has jumped and stayed, and `unzeroed` are the times in s of
-    such jumps, in order, since which no vented rest has shown the zero; `latest` is the time in s of the last sample
-    that counts, and `known` that of the last one with both duty cycles, NaN for none; `excess` is the sum of the
-    innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs, NaN
-    if they have not; `supply` watches for supply pressures that cannot be right; `temperature` is that of the air in K
-    that the model is at, `aired` the time in s at which one last counted, NaN where none has, and `air_refused` says
-    whether the last recorded temperature does not.
+    end of the last of `strokes`, to which the observer goes back if it diverges; `mismatch` is the present mean of the
+    NIS over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke;
+    `zero` is what is subtracted from the position in m; `latest` is the time in s of the last sample; `excess` is the
+    sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the
+    inputs, NaN if they have not; `temperature` is that of the air in K that the model is at, 0 where none is known, and
+    `air_known` says whether it is not lost; `inputs` are what is known of the samples.
     """
 
     filter: FilterState | None
@@ -155,21 +147,30 @@ class ObserverState(NamedTuple):
     tail: Tail
     deviations: FloatArray
     sound: Sound
+    inputs: Inputs
     number: int = 0
     partial: bool = False
-    strokes: Strokes = NO_STROKES
+    strokes: int = 0
     mismatch: float = 1.0
     leaking: bool = False
-    rest: RestWatch = NOTHING
     zero: float = 0.0
-    values: FloatArray = read_only(new_watch())
-    jumped: bool = False
-    unzeroed: tuple[float, ...] = ()
     latest: float = float("nan")
-    known: float = float("nan")
     excess: float = 0.0
     contradicted: float = float("nan")
-    supply: FloatArray = read_only(np.array(NO_SUPPLY))
-    temperature: float = float("nan")
-    aired: float = float("nan")
-    air_refused: bool = False
+    temperature: float = 0.0
+    air_known: bool = False
+
+    @property
+    def rest_shift(self) -> float:
+        """How far in m the vented rest is taken to have moved since the calibration."""
+        return float(self.inputs.rest.shift)
+
+    @property
+    def jumped(self) -> bool:
+        """Whether the position has jumped and stayed."""
+        return bool(self.inputs.intake.jumped)
+
+    @property
+    def unzeroed(self) -> bool:
+        """Whether no vented rest has shown the zero of the position since."""
+        return bool(self.inputs.intake.unzeroed)

@@ -13,6 +13,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from clutchid.arguments import is_number
+from clutchid.codegen.records import record_copy, values_in
 from clutchid.errors import ParameterError
 from clutchid.files import write_text
 from clutchid.files.records import read_toml
@@ -21,15 +22,15 @@ from clutchid.inference.uncertainty.conditions import AIR
 from clutchid.observer.configuration import Observer, blank, start
 from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
-from clutchid.strokes.vented_rest import FURTHEST
+from clutchid.strokes.rest_shift import FURTHEST
 
-FORMAT = 17
+FORMAT = 18
 
 #: Entries of the section ``[parameters]``, and the fields of a state that they are.
 _PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}
 
 #: Records whose arrays have any length.
-_OF_ANY_LENGTH = ("tail", "rest")
+_OF_ANY_LENGTH = ("tail",)
 
 
 def write_state(
@@ -148,9 +149,9 @@ def _plain(value: Any) -> Any:
     """A value of a state as TOML has it."""
     if hasattr(value, "_asdict"):
         return {name: _plain(entry) for name, entry in value._asdict().items() if entry is not None}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return list(value) if isinstance(value, tuple) else value
+    if isinstance(value, np.record):
+        return values_in(value)
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _state(observer: Observer, content: dict[str, Any]) -> ObserverState:
@@ -170,10 +171,12 @@ def _alike(section: Mapping[str, Any], name: str, like: Any, *, any_length: bool
         return like._replace(**{
             field: _alike(value, field, entry, any_length=of_any_length) for field, entry in like._asdict().items()
         })  # fmt: skip
-    if isinstance(like, np.ndarray):
-        return np.array(value, like.dtype).reshape((-1, *like.shape[1:]) if any_length else like.shape)
-    if isinstance(like, tuple):
-        return tuple(np.array(value, dtype=np.float64).reshape(-1).tolist())
+    if isinstance(like, np.record):
+        fields = {field: _alike(value, field, entry) for field, entry in values_in(like).items()}
+        return record_copy(like, **fields)
+    if isinstance(like, (np.ndarray, list)):
+        shape = np.shape(like)
+        return np.array(value, np.asarray(like).dtype).reshape((-1, *shape[1:]) if any_length else shape)
     return _scalar(name, value, like)
 
 
@@ -193,23 +196,20 @@ def _scalar(name: str, value: Any, like: Any) -> Any:
 
 def _problems(state: ObserverState) -> Iterator[str]:
     """Faults of a state: values that are not finite, lengths that differ, values outside of their ranges."""
-    tail, rest, m = state.tail, state.rest, state.tail.time.size
+    tail, m, (intake, _, stroke, rest, *windows) = state.tail, state.tail.time.size, state.inputs
     finite: dict[str, Any] = {
         "parameters": (state.theta, state.T, state.G),
         "sound": state.sound,
         "filter": _numbers(state.filter),
-        "strokes": () if state.strokes.began is None else (state.strokes.began,),
         "tail": (tail.time, tail.duties, tail.open_std),
-        "rest": (rest.returned, rest.window),
-        "unzeroed": (state.unzeroed,),
+        "rest": (rest.returned, *windows),
     }
     yield from (f"{name} has a value that is not finite" for name, entries in finite.items()
                 if not all(np.isfinite(values).all() for values in entries))  # fmt: skip
     wrong = {
         "the columns of tail have different lengths": any(len(column) != m for column in tail),
         "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
-        "the jumps without a zero are not in order, or there was none":
-            np.any(np.diff(state.unzeroed) <= 0.0) or (len(state.unzeroed) > 0 and not state.jumped),
+        "the position has no zero, and no jump": state.unzeroed and not state.jumped,
         "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < 0.0) | (tail.duties > 1.0)),
         "filter, number and tail are not of the same stretch":
             not (state.filter is None) == (state.number == 0) == (m == 0),
@@ -220,15 +220,21 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "a standard deviation is below 0 or infinite":
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
         f"{state.temperature:g} K is no temperature of the air":
-            not (np.isnan(state.temperature) or AIR[0] <= state.temperature <= AIR[1]),
-        "the temperature of the air has no time": np.isnan(state.temperature) != np.isnan(state.aired),
+            not (state.temperature == 0.0 or AIR[0] <= state.temperature <= AIR[1])
+            or not (intake.air == 0.0 or AIR[0] <= intake.air <= AIR[1]),
+        "a mark is neither 0 nor 1": any(mark not in (0, 1) for mark in (
+            intake.sampled, intake.driven, intake.held, intake.jumped, intake.unzeroed, intake.supply_unlike,
+            intake.supply_recorded, intake.air_refused, stroke.within, rest.excursion, rest.taken,
+        )),
+        "more of a vented rest is remembered than can be":
+            rest.n_returned > REMEMBERED or rest.n_bin >= windows[0].size or rest.n_medians >= windows[1].size,
         f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
         f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
             not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
         f"a vented rest lies above {LOW:g} m":
-            any(level > LOW for level in (*rest.returned, *rest.window, rest.lowest)) or np.isinf(rest.lowest),
-        f"more than {REMEMBERED} vented rests are remembered": len(rest.returned) > REMEMBERED,
+            any(level > LOW for level in (*rest.returned, *windows[0], *windows[1], rest.lowest))
+            or np.isinf(rest.lowest),
     }  # fmt: skip
     yield from (sentence for sentence, is_wrong in wrong.items() if is_wrong)
     if state.filter is not None:

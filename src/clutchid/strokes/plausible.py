@@ -10,173 +10,139 @@ from numpy.typing import NDArray
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
 from clutchid.strokes.rule import (
-    ACCELERATION,
-    AGE,
-    BELIEVED_AFTER,
     BEYOND,
     COMPUTED,
-    COUNT,
-    DIFFERENCE,
-    DOUBT,
-    DOUBT_RATE,
-    DOUBT_SEEN,
-    DOUBT_SINCE,
-    DOUBTED,
-    EQUAL,
     EXPLAINED,
     FASTER,
-    FRESH,
-    GAP,
     IMPOSSIBLE,
     IMPROBABLE,
-    INTERVAL,
-    LAST,
-    LEAST_SUPPLY,
-    LIKE_SUPPLY,
-    MOST_SUPPLY,
-    NOISE,
-    OF_SUPPLY,
-    OTHER_0,
-    OTHER_1,
-    OTHERS_SINCE,
-    QUANTUM,
     QUICK,
-    RANGE_HIGH,
-    RANGE_LOW,
-    RATE_NOW,
     READ_ANEW,
     REPEATED,
-    REPEATS,
-    SCATTER,
-    SCATTER_BEFORE,
     SCATTERED,
     SEAM,
-    SEEN,
-    SINCE,
     SLOW,
     SLOWEST,
-    SPEED,
     STANDS,
     STEP,
     TOGGLED,
-    TURNS,
-    TURNS_BEFORE,
-    UNLIKE_SUPPLY,
     VALUE,
+    ValueLimits,
+    Watch,
 )
 
 
 @kernel
-def noisy(watch: FloatArray, limits: FloatArray) -> bool:
+def noisy(watch: Watch, limits: ValueLimits) -> bool:
     """Whether the noise of the sensor was visible before the present run of equal samples."""
-    least: float = max(TOGGLED * watch[QUANTUM], COMPUTED * (limits[RANGE_HIGH] - limits[RANGE_LOW]))
-    return bool(watch[SCATTER_BEFORE] >= least)
+    least: float = max(TOGGLED * watch.quantum, COMPUTED * (limits.high - limits.low))
+    return bool(watch.scatter_before >= least)
 
 
 @kernel
-def possible_step(watch: FloatArray, limits: FloatArray, elapsed: float, dt: float, rate: float) -> float:
+def possible_step(watch: Watch, limits: ValueLimits, elapsed: float, dt: float, rate: float) -> float:
     """Largest step in `dt` s, for a value first read `elapsed` s ago that changed at `rate` before."""
     held = dt
-    if noisy(watch, limits) and elapsed > IMPROBABLE * limits[INTERVAL]:
+    if noisy(watch, limits) and elapsed > IMPROBABLE * limits.interval:
         held = elapsed
-    elif watch[FRESH] < READ_ANEW:
-        held = max(dt, min(elapsed, limits[REPEATS]))
-    starts = min(limits[SPEED] * held, 0.5 * limits[ACCELERATION] * held * held)
-    goes_on = FASTER * abs(rate) * elapsed if elapsed <= limits[GAP] else 0.0
-    largest: float = max(limits[NOISE], SCATTERED * watch[SCATTER]) + goes_on + starts
+    elif watch.fresh < READ_ANEW:
+        held = max(dt, min(elapsed, limits.repeats))
+    starts = min(limits.speed * held, 0.5 * limits.acceleration * held * held)
+    goes_on = FASTER * abs(rate) * elapsed if elapsed <= limits.gap else 0.0
+    largest: float = max(limits.noise, SCATTERED * watch.scatter) + goes_on + starts
     return largest
 
 
 @kernel
-def restart(watch: FloatArray, t: float, y: float) -> None:
+def restart(watch: Watch, t: float, y: float) -> None:
     """Take a sample whatever was before."""
-    watch[SEEN], watch[SINCE], watch[AGE], watch[LAST] = t, t, t, y
-    watch[RATE_NOW], watch[DIFFERENCE], watch[DOUBT] = 0.0, 0.0, math.nan
-    watch[TURNS_BEFORE], watch[SCATTER_BEFORE] = watch[TURNS], watch[SCATTER]
+    watch.seen, watch.since, watch.age, watch.last = t, t, t, y
+    watch.rate, watch.difference, watch.doubt = 0.0, 0.0, math.nan
+    watch.turns_before, watch.scatter_before = watch.turns, watch.scatter
 
 
 @kernel
-def take(watch: FloatArray, limits: FloatArray, t: float, y: float) -> None:
+def take(watch: Watch, limits: ValueLimits, t: float, y: float) -> None:
     """Take a sample that follows the last one."""
-    difference, elapsed = y - watch[LAST], t - watch[SINCE]
-    anew = watch[FRESH] >= READ_ANEW
+    difference, elapsed = y - watch.last, t - watch.since
+    anew = watch.fresh >= READ_ANEW
     if difference != 0.0 or anew:
-        second = abs(difference - watch[DIFFERENCE])
-        watch[COUNT] += 1.0
-        watch[SCATTER] += max(SLOW, 1.0 / watch[COUNT]) * (
-            min(second, 3.0 * watch[SCATTER] + limits[NOISE]) - watch[SCATTER]
+        second = abs(difference - watch.difference)
+        watch.count += 1.0
+        watch.scatter += max(SLOW, 1.0 / watch.count) * (
+            min(second, 3.0 * watch.scatter + limits.noise) - watch.scatter
         )
-        turned = 1.0 if difference * watch[DIFFERENCE] < 0.0 else 0.0
-        watch[TURNS] += SLOWEST * (turned - watch[TURNS])
-        watch[DIFFERENCE] = difference
+        turned = 1.0 if difference * watch.difference < 0.0 else 0.0
+        watch.turns += SLOWEST * (turned - watch.turns)
+        watch.difference = difference
     if difference != 0.0:
-        watch[RATE_NOW] += QUICK * (difference / elapsed - watch[RATE_NOW])
+        watch.rate += QUICK * (difference / elapsed - watch.rate)
         if not anew:
-            watch[FRESH] = watch[FRESH] + 1.0 if elapsed < 1.5 * limits[INTERVAL] else 0.0
-        watch[QUANTUM] = min(watch[QUANTUM], abs(difference))
-        watch[TURNS_BEFORE], watch[SCATTER_BEFORE] = watch[TURNS], watch[SCATTER]
-        watch[SINCE], watch[LAST] = t, y
-    watch[SEEN] = t
+            watch.fresh = watch.fresh + 1.0 if elapsed < 1.5 * limits.interval else 0.0
+        watch.quantum = min(watch.quantum, abs(difference))
+        watch.turns_before, watch.scatter_before = watch.turns, watch.scatter
+        watch.since, watch.last = t, y
+    watch.seen = t
 
 
 @kernel
-def doubt(watch: FloatArray, t: float, y: float) -> None:
+def doubt(watch: Watch, t: float, y: float) -> None:
     """Begin to doubt samples with this one."""
-    watch[DOUBT], watch[DOUBT_SEEN], watch[DOUBT_SINCE] = t, t, t
-    watch[DOUBTED], watch[DOUBT_RATE] = y, 0.0
+    watch.doubt, watch.doubt_seen, watch.doubt_since = t, t, t
+    watch.doubted, watch.doubt_rate = y, 0.0
 
 
 @kernel
-def fills_gap(watch: FloatArray, limits: FloatArray, t: float, y: float) -> bool:
+def fills_gap(watch: Watch, limits: ValueLimits, t: float, y: float) -> bool:
     """Whether the motion behind a step explains it, as after lost messages that a logger fills with the last value."""
-    elapsed, step = t - watch[SINCE], y - watch[LAST]
-    was_held = IMPROBABLE * limits[INTERVAL] < watch[DOUBT] - watch[SINCE] <= limits[GAP]
-    moves_on = watch[DOUBT_RATE] * step > 0.0 and abs(step) <= FASTER * abs(watch[DOUBT_RATE]) * elapsed
-    return bool(was_held and moves_on and t - watch[DOUBT] <= STANDS * limits[INTERVAL])
+    elapsed, step = t - watch.since, y - watch.last
+    was_held = IMPROBABLE * limits.interval < watch.doubt - watch.since <= limits.gap
+    moves_on = watch.doubt_rate * step > 0.0 and abs(step) <= FASTER * abs(watch.doubt_rate) * elapsed
+    return bool(was_held and moves_on and t - watch.doubt <= STANDS * limits.interval)
 
 
 @kernel
-def doubted(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
+def doubted(watch: Watch, limits: ValueLimits, t: float, y: float) -> int:
     """Verdict on a sample in doubt: it goes on from the others in doubt, from the last that counts, or from neither."""
-    dt = t - watch[DOUBT_SEEN]
-    if abs(y - watch[DOUBTED]) <= possible_step(watch, limits, dt, dt, watch[DOUBT_RATE]):
-        if y != watch[DOUBTED]:
-            watch[DOUBT_SINCE] = t
-        elif noisy(watch, limits) and t - watch[DOUBT_SINCE] > STANDS * limits[INTERVAL]:
-            watch[DOUBT] = t  # a sensor that stands still after a step is not believed
-        watch[DOUBT_RATE] += QUICK * ((y - watch[DOUBTED]) / dt - watch[DOUBT_RATE])
-        watch[DOUBTED], watch[DOUBT_SEEN] = y, t
+    dt = t - watch.doubt_seen
+    if abs(y - watch.doubted) <= possible_step(watch, limits, dt, dt, watch.doubt_rate):
+        if y != watch.doubted:
+            watch.doubt_since = t
+        elif noisy(watch, limits) and t - watch.doubt_since > STANDS * limits.interval:
+            watch.doubt = t  # a sensor that stands still after a step is not believed
+        watch.doubt_rate += QUICK * ((y - watch.doubted) / dt - watch.doubt_rate)
+        watch.doubted, watch.doubt_seen = y, t
         if fills_gap(watch, limits, t, y):
             return EXPLAINED
-        if t - watch[DOUBT] < min(
-            limits[BELIEVED_AFTER], 2.0 * (watch[SEEN] - watch[AGE]) + (STANDS - 1.0) * limits[INTERVAL]
+        if t - watch.doubt < min(
+            limits.believed_after, 2.0 * (watch.seen - watch.age) + (STANDS - 1.0) * limits.interval
         ):
             return STEP
         return SEAM
-    away = t - watch[SEEN]
-    if abs(y - watch[LAST]) <= limits[NOISE] + SCATTERED * watch[SCATTER] + limits[SPEED] * away:
+    away = t - watch.seen
+    if abs(y - watch.last) <= limits.noise + SCATTERED * watch.scatter + limits.speed * away:
         return VALUE
     doubt(watch, t, y)
     return STEP
 
 
 @kernel
-def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
+def judge(watch: Watch, limits: ValueLimits, t: float, y: float) -> int:
     """Verdict on the next sample."""
-    if math.isnan(y) or not limits[RANGE_LOW] <= y <= limits[RANGE_HIGH]:
-        watch[EQUAL] = 0.0
+    if math.isnan(y) or not limits.low <= y <= limits.high:
+        watch.equal = 0.0
         return VALUE if math.isnan(y) else BEYOND
-    latest = watch[SEEN] if math.isnan(watch[DOUBT]) else watch[DOUBT_SEEN]
-    if not t - latest <= limits[GAP]:
+    latest = watch.seen if math.isnan(watch.doubt) else watch.doubt_seen
+    if not t - latest <= limits.gap:
         restart(watch, t, y)
         return VALUE
-    if not math.isnan(watch[DOUBT]):
+    if not math.isnan(watch.doubt):
         verdict = doubted(watch, limits, t, y)
         if verdict in (VALUE, EXPLAINED):
             take(watch, limits, t, y)
         return verdict
-    step = possible_step(watch, limits, t - watch[SINCE], t - watch[SEEN], watch[RATE_NOW])
-    if abs(y - watch[LAST]) > step:
+    step = possible_step(watch, limits, t - watch.since, t - watch.seen, watch.rate)
+    if abs(y - watch.last) > step:
         doubt(watch, t, y)
         return STEP
     take(watch, limits, t, y)
@@ -184,80 +150,44 @@ def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
 
 
 @kernel
-def judge_next(
-    watch: FloatArray, limits: FloatArray, t: float, y: float, supply: float, exhaust: float, since: FloatArray
-) -> int:
-    """Verdict on the next sample, with both duty cycles, after which the watch has taken it.
-
-    Parameters
-    ----------
-    since : (2,)
-        See `follow_values`; else left as it is.
-    """
-    if supply != watch[OTHER_0] or exhaust != watch[OTHER_1]:
-        watch[OTHER_0], watch[OTHER_1], watch[OTHERS_SINCE] = supply, exhaust, t
+def judge_next(watch: Watch, limits: ValueLimits, t: float, y: float, supply: float, exhaust: float) -> int:
+    """Verdict on the next sample, with both duty cycles, after which the watch has taken it."""
+    if supply != watch.supply or exhaust != watch.exhaust:
+        watch.supply, watch.exhaust, watch.others_since = supply, exhaust, t
     verdict = judge(watch, limits, t, y)
     if verdict in (SEAM, EXPLAINED):
-        since[0], since[1] = watch[DOUBT], watch[AGE]
+        watch.step, watch.began = watch.doubt, watch.age
     if verdict == SEAM:
         restart(watch, t, y)
     elif verdict in (VALUE, EXPLAINED) and not math.isnan(y):
-        watch[DOUBT] = math.nan
-        watch[EQUAL] = watch[EQUAL] + 1.0 if t > watch[SINCE] else 0.0
-        turns, began = watch[TURNS_BEFORE] * watch[EQUAL], t - watch[EQUAL] * limits[INTERVAL]
-        repeated = turns > IMPOSSIBLE and watch[EQUAL] * limits[INTERVAL] > limits[GAP] and noisy(watch, limits)
-        if repeated and watch[OTHERS_SINCE] < began + 0.5 * limits[INTERVAL]:
-            verdict, since[0] = REPEATED, began
+        watch.doubt = math.nan
+        watch.equal = watch.equal + 1.0 if t > watch.since else 0.0
+        turns, began = watch.turns_before * watch.equal, t - watch.equal * limits.interval
+        repeated = turns > IMPOSSIBLE and watch.equal * limits.interval > limits.gap and noisy(watch, limits)
+        if repeated and watch.others_since < began + 0.5 * limits.interval:
+            verdict, watch.began = REPEATED, began
     return verdict
 
 
 @kernel
-def count_anew(watch: FloatArray, by: float) -> None:
+def count_anew(watch: Watch, by: float) -> None:
     """Let the time begin `by` s later, for a clock of few digits."""
-    watch[SEEN], watch[SINCE], watch[AGE] = watch[SEEN] - by, watch[SINCE] - by, watch[AGE] - by
-    watch[DOUBT], watch[DOUBT_SEEN] = watch[DOUBT] - by, watch[DOUBT_SEEN] - by
-    watch[DOUBT_SINCE], watch[OTHERS_SINCE] = watch[DOUBT_SINCE] - by, watch[OTHERS_SINCE] - by
-
-
-@kernel
-def judge_supply(watch: FloatArray, recorded: float, pressure: float, closed: bool) -> bool:
-    """Whether a supply pressure cannot be right, by that of the calibration and by its mean while no valve is open."""
-    wrong = pressure < LEAST_SUPPLY or pressure > MOST_SUPPLY
-    if closed and not wrong and not math.isnan(pressure):
-        share = pressure / recorded - 1.0
-        watch[0] = share if math.isnan(watch[0]) else watch[0] + OF_SUPPLY * (share - watch[0])
-        if abs(watch[0]) > UNLIKE_SUPPLY:
-            watch[1] = 1.0
-        elif abs(watch[0]) < LIKE_SUPPLY:
-            watch[1] = 0.0
-    return bool(wrong or (watch[1] > 0.0 and not math.isnan(pressure)))
-
-
-@kernel
-def follow_supply(
-    watch: FloatArray, recorded: float, pressure: FloatArray, closed: NDArray[np.bool_], verdicts: NDArray[np.bool_]
-) -> None:
-    """Verdicts of `judge_supply` on the samples of a recording (n,), to be filled."""
-    for i in range(pressure.size):
-        verdicts[i] = judge_supply(watch, recorded, pressure[i], closed[i])
+    watch.seen, watch.since, watch.age = watch.seen - by, watch.since - by, watch.age - by
+    watch.doubt, watch.doubt_seen = watch.doubt - by, watch.doubt_seen - by
+    watch.doubt_since, watch.others_since = watch.doubt_since - by, watch.others_since - by
 
 
 @kernel
 def follow_values(
-    watch: FloatArray,
-    limits: FloatArray,
-    time: FloatArray,
-    values: FloatArray,
-    others: FloatArray,
-    verdicts: NDArray[np.uint8],
-    since: FloatArray,
-) -> None:
+    watch: Watch, limits: ValueLimits, time: FloatArray, values: FloatArray, others: FloatArray,
+    verdicts: NDArray[np.uint8], since: FloatArray,
+) -> None:  # fmt: skip
     """Verdicts on the samples of a column, and what the watch is after them.
 
     Parameters
     ----------
-    watch, limits
-        See the numbers of their entries; `watch` is changed.
+    watch
+        Is changed.
     time, values : s and SI, (n,)
         NaN is a missing sample.
     others : (n, 2)
@@ -265,8 +195,9 @@ def follow_values(
     verdicts : (n,)
         To be filled.
     since : s, (n, 2)
-        To be filled: of a `SEAM`, or of what is `EXPLAINED`, when the step was, and since when values counted before
-        it; of `REPEATED` samples when the first of them was read.
+        To be filled for a `SEAM`, and for what is `EXPLAINED` or `REPEATED`: `Watch.step` and `Watch.began`.
     """
     for i in range(time.size):
-        verdicts[i] = judge_next(watch, limits, time[i], values[i], others[i, 0], others[i, 1], since[i])
+        verdicts[i] = judge_next(watch, limits, time[i], values[i], others[i, 0], others[i, 1])
+        if verdicts[i] >= SEAM:
+            since[i, 0], since[i, 1] = watch.step, watch.began

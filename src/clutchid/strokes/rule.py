@@ -7,17 +7,77 @@ from __future__ import annotations
 #: before it.
 VALUE, BEYOND, STEP, SEAM, REPEATED, EXPLAINED = range(6)
 
-#: Entries of the watch: time of the last sample that counts, its value, when that was first read, its rate of change;
-#: mean second difference; last difference; changes in consecutive samples; since when values count; mean share of
-#: turning points; that and the mean second difference before the present run; smallest change; number of differences;
-#: of samples in doubt since when, last one, its time, its rate, when it was first read; equal samples so far; the other
-#: channels, and when they changed.
-(SEEN, LAST, SINCE, RATE_NOW, SCATTER, DIFFERENCE, FRESH, AGE, TURNS, TURNS_BEFORE, SCATTER_BEFORE, QUANTUM, COUNT,
- DOUBT, DOUBTED, DOUBT_SEEN, DOUBT_RATE, DOUBT_SINCE, EQUAL, OTHER_0, OTHER_1, OTHERS_SINCE) = range(22)  # fmt: skip
 
-#: Entries of the limits: range; largest rate and acceleration; noise; times for which a sensor may repeat a value and
-#: after which a step that stays is believed, longest gap, and usual interval, in s.
-RANGE_LOW, RANGE_HIGH, SPEED, ACCELERATION, NOISE, REPEATS, BELIEVED_AFTER, GAP, INTERVAL = range(9)
+#: Time in s after which a step that stays is another zero, not an outlier; what counted for less before a step was the
+#: outlier itself. The resolution of the clock is within it.
+BELIEVED = 1.0 - 0.5e-6
+
+
+class Watch:
+    """State of the rule between two samples of a column; times in s, values in SI.
+
+    Attributes
+    ----------
+    seen, last, since, rate
+        Time of the last sample that counts, its value, when that was first read, and its rate of change.
+    scatter, difference, fresh, age
+        Mean second difference, last difference, changes in consecutive samples, and since when values count.
+    turns, turns_before, scatter_before
+        Mean share of turning points; that and the mean second difference before the present run.
+    quantum, count
+        Smallest change, and number of differences.
+    doubt, doubted, doubt_seen, doubt_rate, doubt_since
+        Of samples in doubt: since when, the last one, its time, its rate, and when it was first read.
+    equal, supply, exhaust, others_since
+        Equal samples so far; the duty cycles, and when they changed.
+    step, began
+        Of a step that stays or is explained, when it was and since when values counted before it; of samples that are
+        repeated, when the first of them was read.
+    """
+
+    seen: float
+    last: float
+    since: float
+    rate: float
+    scatter: float
+    difference: float
+    fresh: float
+    age: float
+    turns: float
+    turns_before: float
+    scatter_before: float
+    quantum: float
+    count: float
+    doubt: float
+    doubted: float
+    doubt_seen: float
+    doubt_rate: float
+    doubt_since: float
+    equal: float
+    supply: float
+    exhaust: float
+    others_since: float
+    step: float
+    began: float
+
+
+class ValueLimits:
+    """ValueLimits of a column: range in SI; largest rate and acceleration; noise; and times in s.
+
+    These are for which a sensor may repeat a value, and after which a step that stays is believed, the longest gap, and
+    the usual interval.
+    """
+
+    low: float
+    high: float
+    speed: float
+    acceleration: float
+    noise: float
+    repeats: float
+    believed_after: float
+    gap: float
+    interval: float
+
 
 #: Weights of a new difference in the rate, in the scatter, and in the share of turning points: fast motion has none.
 QUICK, SLOW, SLOWEST = 0.25, 1.0 / 64.0, 1.0 / 256.0

@@ -6,42 +6,36 @@ wears in a stroke is added where one has been counted.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from clutchid.log import FloatArray, any_of
+from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import Count, new_record
+from clutchid.log import FloatArray
 
 #: A stroke begins where the position in m, from the vented rest, rises above the first and ends where it falls below
 #: the second, so that noise does not count.
 BEGINS, ENDS = 2e-3, 1.5e-3
 
-#: A shorter one in s is a spike of the sensor; and the resolution in s of the clock that measures it, as that of a
-#: control unit.
-SHORTEST, RESOLUTION = 0.02, 1e-6
+#: Resolution in s of the clock of a control unit, and the longest time that it counts. A shorter stroke in us is a
+#: spike of the sensor.
+RESOLUTION, LONGEST_US, SHORTEST = 1e-6, 0xFFFFFFFF, 20_000
 
 #: A full stroke reaches this share of the way to the far stop, in this time in s at least.
 FULL, QUICKEST = 0.8, 0.1
 
 
-class Strokes(NamedTuple):
-    """Number of strokes that have ended, and the time in s at which the present one began, None without one."""
+class Stroke:
+    """A stroke that goes on: 1 within one, and its time so far in us."""
 
-    ended: int = 0
-    began: float | None = None
-
-
-#: Before the first stroke.
-NO_STROKES = Strokes()
+    within: int
+    lasted: Count
 
 
-def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> tuple[Strokes, list[int]]:
-    """Strokes after some more samples, and the numbers of those samples at which strokes ended.
+def count_strokes(time: FloatArray, position: FloatArray) -> list[int]:
+    """The numbers of the samples of a recording at which strokes end.
 
     Parameters
     ----------
-    strokes : Strokes
-        Before the first of the samples.
     time : s
         Increasing, shape (n,).
     position : m
@@ -50,21 +44,9 @@ def count_strokes(strokes: Strokes, time: FloatArray, position: FloatArray) -> t
     Examples
     --------
     >>> position = np.array([0.0, 8e-3, 8e-3, 1e-3, 0.0])
-    >>> count_strokes(Strokes(), 0.1 * np.arange(5), position)
-    (Strokes(ended=1, began=None), [3])
+    >>> count_strokes(0.1 * np.arange(5), position)
+    [3]
     """
-    if not any_of(position > BEGINS if strokes.began is None else position < ENDS):
-        return strokes, []
-    side = np.where(position > BEGINS, 1, np.where(position < ENDS, -1, 0))
-    sided = np.flatnonzero(side)
-    before = np.append(-1 if strokes.began is None else 1, side[sided[:-1]])
-    (ended, began), ends = strokes, []
-    for i in sided[side[sided] != before[: sided.size]].tolist():
-        if side[i] > 0:
-            began = float(time[i])
-        else:
-            if began is not None and time[i] - began > SHORTEST - 0.5 * RESOLUTION:
-                ended += 1
-                ends.append(i)
-            began = None
-    return Strokes(ended, began), ends
+    ended = np.zeros(time.size, dtype=bool)
+    kernels_in("clutchid.strokes.stroke_rule").mark_ends(new_record(Stroke), time, position, ended)
+    return [int(i) for i in np.flatnonzero(ended)]

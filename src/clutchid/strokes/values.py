@@ -14,8 +14,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from clutchid.codegen import records
 from clutchid.codegen.kernels import kernels_in
-from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, all_of, sample_interval
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, sample_interval
 from clutchid.log.states import SENSORS
 from clutchid.measurements.checks import DUTY_ROUNDING, check_duties
 from clutchid.model.actuator import Actuator
@@ -26,7 +27,7 @@ from clutchid.strokes.stroke import RESOLUTION
 Verdicts: TypeAlias = NDArray[np.uint8]
 
 #: A position is none further beyond the stops than this in m: a vented rest may have moved by 5 mm since the
-#: calibration (`clutchid.strokes.vented_rest.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.
+#: calibration (`clutchid.strokes.rest_shift.FURTHEST`), and 2 mm are the gain of a sensor (4 %) and noise.
 _BEYOND_STOPS = 7e-3
 
 #: Absolute pressures in Pa of a vented or filled chamber, below 0.3 bar no brake system vents, and of an air supply.
@@ -39,10 +40,9 @@ _FASTER, _FREER = 1.5, 0.4
 #: Noise of a sensor whose samples scatter less, in standard deviations of `SENSORS`: once in 10^15 samples.
 _DEVIATIONS = 8.0
 
-#: Samples for which a sensor may repeat its value because it is slower than the recording, and times in s: the longest
-#: gap over which a step is judged, and after which a step that stays is another zero, not an outlier. The resolution of
-#: the clock is within them: no rounding decides on a sample.
-_REPEATS, _LONGEST_GAP, BELIEVED = 15, 0.05, 1.0 - 0.5 * RESOLUTION
+#: Samples for which a sensor may repeat its value because it is slower than the recording, and the longest gap in s
+#: over which a step is judged. The resolution of the clock is within it: no rounding decides on a sample.
+_REPEATS, _LONGEST_GAP = 15, 0.05
 
 #: Where more than this share of a channel were none, its unit, its sign or its zero is wrong, which the checks say.
 _MOST = 0.2
@@ -85,37 +85,39 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
 
 
 #: Of each measured column the least and the largest limits for which its samples are judged alike.
-Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
+Bounds: TypeAlias = Mapping[str, tuple[rule.ValueLimits, rule.ValueLimits]]
 
-#: Entries of the limits that may be larger for samples without a step, and a share of them by which
-#: such a recording is judged when a second actuator asks: then it holds for nearly all that follow.
-_RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
+#: Rates may be larger for samples without a step; and a share of them by which such a recording is judged when a second
+#: actuator asks: then it holds for nearly all that follow.
+_SHARE = 0.5
 
 
-def limits(actuator: Actuator, column: str, interval: float) -> FloatArray:
+def limits(actuator: Actuator, column: str, interval: float) -> rule.ValueLimits:
     """Limits of the position or of the pressure in chamber A, for samples that are `interval` s apart."""
     motion = possible_motion(actuator, interval)
     if column == "position":
         low, high = -_BEYOND_STOPS, actuator.parameters.y_max + _BEYOND_STOPS
-        rates = motion.velocity, motion.acceleration
+        speed, acceleration = motion.velocity, motion.acceleration
     else:
-        (low, high), rates = _PRESSURES, (motion.pressure_rate, math.inf)
+        (low, high), speed, acceleration = _PRESSURES, motion.pressure_rate, math.inf
     gap = max(_LONGEST_GAP, HOLE * interval) + 0.5 * RESOLUTION
-    noise = _DEVIATIONS * SENSORS[column].noise
-    return np.array([low, high, *rates, noise, _REPEATS * interval, max(BELIEVED, 2.0 * gap), gap, interval])
+    return records.new_record(
+        rule.ValueLimits, low=low, high=high, speed=speed, acceleration=acceleration,
+        noise=_DEVIATIONS * SENSORS[column].noise, repeats=_REPEATS * interval, gap=gap,
+        believed_after=max(rule.BELIEVED, 2.0 * gap), interval=interval,
+    )  # fmt: skip
 
 
-def new_watch() -> FloatArray:
+def new_watch() -> rule.Watch:
     """The watch of a column before its first sample."""
-    watch = np.zeros(rule.OTHERS_SINCE + 1)
-    watch[[rule.SEEN, rule.DOUBT, rule.OTHER_0, rule.OTHER_1]] = np.nan
-    watch[rule.QUANTUM] = np.inf
-    return watch
+    return records.new_record(
+        rule.Watch, seen=np.nan, doubt=np.nan, supply=np.nan, exhaust=np.nan, quantum=np.inf, step=np.nan, began=np.nan
+    )
 
 
 def watched(
-    watch: FloatArray, bounds: FloatArray, log: Log, column: str, duties: FloatArray
-) -> tuple[Verdicts, FloatArray, FloatArray]:
+    watch: rule.Watch, bounds: rule.ValueLimits, log: Log, column: str, duties: FloatArray
+) -> tuple[Verdicts, FloatArray, rule.Watch]:
     """Verdicts on a column of a recording, or on the next part of one; parts of any length give the same.
 
     Parameters
@@ -130,7 +132,8 @@ def watched(
     verdicts, since, watch
         Of `plausible`, times in s that belong to them, and the watch after them.
     """
-    verdicts, since, after = np.zeros(len(log), dtype=np.uint8), np.full((len(log), 2), np.nan), watch.copy()
+    verdicts, since = np.zeros(len(log), dtype=np.uint8), np.full((len(log), 2), np.nan)
+    after = records.record_copy(watch)
     follow = kernels_in("clutchid.strokes.plausible").follow_values
     follow(after, bounds, log.time, log[column], duties, verdicts, since)
     return verdicts, since, after
@@ -146,26 +149,6 @@ def ends_stretch(verdicts: NDArray[np.uint8]) -> BoolArray:
     """Whether a stretch without holes ends at each sample: a jump that stays, or channels that are repeated."""
     ends: BoolArray = (verdicts == rule.SEAM) | (verdicts == rule.REPEATED)
     return ends
-
-
-def supply_differs(watch: FloatArray, recorded: float, log: Log) -> tuple[BoolArray, FloatArray]:
-    """Whether each recorded supply pressure cannot be right, and the watch after them.
-
-    Parameters
-    ----------
-    watch : (2,)
-        Before them, `NO_SUPPLY` at the start.
-    recorded : Pa
-        Mean of that in the calibration recordings.
-    """
-    verdicts, after = np.zeros(len(log), dtype=np.bool_), watch.copy()
-    closed = np.all([log[name] <= 0.0 for name in INPUTS], axis=0)
-    kernels_in("clutchid.strokes.plausible").follow_supply(after, recorded, log["pressure_supply"], closed, verdicts)
-    return verdicts, after
-
-
-#: Watch of a supply pressure before its first sample: its mean deviation, and whether that is too large.
-NO_SUPPLY = (math.nan, 0.0)
 
 
 class Fault(NamedTuple):
@@ -256,7 +239,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
             faults += _out_of_range(log, name, missing)
     measured = [name for name in ("position", "pressure_a") if name in log and all(duty in log for duty in INPUTS)]
     interval = sample_interval(log.time, 0.0) if measured else 0.0
-    bounds = dict[str, tuple[FloatArray, FloatArray]]()
+    bounds = dict[str, tuple[rule.ValueLimits, rule.ValueLimits]]()
     for name in measured if interval > 0.0 else ():
         bounds[name] = _judge(log, name, limits(actuator, name, interval), judged is not None, missing, faults)
     if not faults:
@@ -275,8 +258,9 @@ def values_of(log: Log, actuator: Actuator) -> Values:
 def _within(bounds: Bounds, actuator: Actuator) -> bool:
     """Whether the limits of an actuator are within `bounds`."""
     for name, (least, largest) in bounds.items():
-        now = limits(actuator, name, float(least[rule.INTERVAL]))
-        if not all_of((least <= now) & (now <= largest)):
+        now = limits(actuator, name, least.interval)
+        values = (records.values_in(record).values() for record in (least, now, largest))
+        if not all(low <= x <= high for low, x, high in zip(*values, strict=True)):
             return False
     return True
 
@@ -345,17 +329,17 @@ def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
 
 
 def _judge(
-    log: Log, name: str, bounds: FloatArray, tighter: bool, missing: dict[str, BoolArray], faults: list[Fault]
-) -> tuple[FloatArray, FloatArray]:
+    log: Log, name: str, bounds: rule.ValueLimits, tighter: bool, missing: dict[str, BoolArray], faults: list[Fault]
+) -> tuple[rule.ValueLimits, rule.ValueLimits]:
     """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
 
     The rates only limit steps: without one, larger rates change nothing. `tighter`: smaller ones are tried first.
     """
     duties, least, largest = log.duties(), bounds, bounds
     for share in (_SHARE, 1.0) if tighter else (1.0,):
-        narrow, wide = bounds.copy(), bounds.copy()
-        narrow[_RATES] *= share
-        wide[_RATES] = np.inf
+        narrow, wide = records.record_copy(bounds), records.record_copy(bounds)
+        narrow.speed, narrow.acceleration = share * bounds.speed, share * bounds.acceleration
+        wide.speed, wide.acceleration = np.inf, np.inf
         verdicts, since, _ = watched(new_watch(), narrow, log, name, duties)
         if not (verdicts == rule.STEP).any():
             least, largest = narrow, wide
@@ -407,7 +391,7 @@ def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list
         later[later != rule.BEYOND] = rule.VALUE
         if explained:
             continue
-        if log.time[step] - log.time[began] < BELIEVED:
+        if log.time[step] - log.time[began] < rule.BELIEVED:
             before = verdicts[began:step]
             before[np.isfinite(log[name][began:step]) & (before == rule.VALUE)] = rule.STEP
         else:
@@ -420,7 +404,7 @@ def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> Boo
     repeated, values = np.zeros(len(log), dtype=bool), log[name]
     others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
     for a, b in runs(verdicts == rule.REPEATED):
-        first = int(np.argmin(np.abs(log.time - since[a, 0])))
+        first = int(np.argmin(np.abs(log.time - since[a, 1])))
         end = b + int(np.argmax(np.append(values[b:] != values[a], True)))
         still = all(not np.ptp(other[first:end]) > 0.0 for other in others)
         if still and np.nanmin(values) < values[a] < np.nanmax(values):

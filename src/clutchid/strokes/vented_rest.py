@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.log import BoolArray, Log, sample_interval
 from clutchid.numerics.interval import QUANTILE
-from clutchid.strokes.excitation import VENTED_POSITION
 from clutchid.strokes.rest_level import (
     CALM,
     CLOSED,
@@ -25,6 +25,7 @@ from clutchid.strokes.rest_level import (
     samples_in_bin,
     windows_of,
 )
+from clutchid.strokes.rest_shift import CLEARLY, LEVEL, NOTHING, RETURNS
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.values import Values
@@ -32,25 +33,6 @@ from clutchid.strokes.values import Values
 #: Time in s for which the exhaust valve is open at a vented rest, after the piston has come to a standstill or within
 #: `STILL` s before; and the beginning of a rest that gives its level: seals that relax let the piston creep later.
 VENTS, _EARLY = 0.05, 0.3
-
-#: Standard deviations: of a level between two recordings in m, beside what the quantum of the sensor adds; and of the
-#: distance of the rests after a stroke from the stop, as a share of it, which goes with the friction of the seals.
-#: `python benchmarks/zero.py`, trucks 0 to 7 of both families: levels at the stop differ by 6 µm rms, and 40 % more
-#: friction moves the rests after a stroke by 27 % of their distance in the median.
-LEVEL, FRICTION = 5e-6, 0.25
-
-#: A rest this far in m below those after a stroke is at the stop; the usual distance where no recording shows it.
-CLEARLY, HELD = 8e-5, 3e-4
-
-#: Largest difference of the moves of rests at the stop and after a stroke, as a multiple of what friction explains; and
-#: how far above the stop a recording may begin, as a multiple of the usual distance. Chosen on trucks 0 to 9 of both
-#: families (`python benchmarks/zero.py --cuts`): of 651 parts of manoeuvres of trucks 4300 to 4307 one seems to have
-#: moved.
-UNLIKE, HIGHER = 1.5, 1.25
-
-#: A rest cannot have moved further in m: what lies there is a hold, or another actuator.
-FURTHEST = 5e-3
-
 
 #: Whether a rest that has moved is subtracted from the position, or the position is taken as it was recorded.
 Zero = Literal["subtract", "keep"]
@@ -192,38 +174,16 @@ def merged_levels(rests: Sequence[VentedRest | None]) -> VentedRest | None:
 
 
 def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
-    """Shift of the vented rest from one recording to another; None where they cannot be compared.
-
-    Rests at the stop are compared where both recordings have one. Else it is those after a stroke, which friction holds
-    above the stop, so that they move with the friction of the seals too; or one of each, which may be as far apart.
-    Where both moved, but not alike, and no friction explains that, one of them is a hold.
-    """
-    level = _level(before, now)
-    held = next((rest.held for rest in (before, now) if rest.at_stop), HELD)
-    at_stop, after_stroke = now.lowest - before.lowest, now.returned - before.returned
-    by_friction = math.hypot(level, QUANTILE * FRICTION * held)
-    if before.at_stop and now.at_stop:
-        if unlike(before, now):
-            return None
-        value, half = at_stop, level
-    elif np.isfinite(after_stroke):
-        value, half = after_stroke, by_friction
-    elif abs(at_stop) <= VENTED_POSITION:
-        value, half = at_stop, level + HIGHER * held
-    else:  # a recording may begin with a hold
+    """Shift of the vented rest from one recording to another; None where they cannot be compared: `compared_rests`."""
+    level = QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
+    levels = before.lowest, before.returned, now.lowest, now.returned
+    rule = kernels_in("clutchid.strokes.rest_shift_rule")
+    compared = rule.compared_rests(*levels, level)
+    if compared == NOTHING:
         return None
-    return RestShift(value, value - half, value + half) if abs(value) <= FURTHEST else None
-
-
-def _level(before: VentedRest, now: VentedRest) -> float:
-    """Half a 95 % interval in m of the difference of two levels."""
-    return QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
-
-
-def unlike(before: VentedRest, now: VentedRest) -> bool:
-    """Whether the stop and the rests after a stroke moved by what no friction explains, where both are known."""
-    apart = (now.lowest - before.lowest) - (now.returned - before.returned)
-    return abs(apart) > UNLIKE * math.hypot(_level(before, now), QUANTILE * FRICTION * before.held)
+    value = now.returned - before.returned if compared == RETURNS else now.lowest - before.lowest
+    half = rule.half_interval(compared, level, rule.held_above(*levels))
+    return RestShift(value, value - half, value + half)
 
 
 def other_zeros(values: Values) -> list[str]:

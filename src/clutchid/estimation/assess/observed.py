@@ -16,7 +16,7 @@ from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.configuration import Observer
-from clutchid.observer.health import FLAGS
+from clutchid.observer.flags import FLAGS
 from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.run import ObservedRecording, SupplyUse
@@ -130,12 +130,12 @@ def indicators(run: ObservedRecording | LiveRun) -> Indicators:
     half = float(np.max(load.high - load.low)) / 2
     return Indicators(
         _adapts(run.observer),
-        run.after.strokes.ended,
+        run.after.strokes,
         half / peak if peak > 0.0 else np.inf,
         run.after.mismatch if run.observer.compares else np.nan,
         {name: seconds / run.seconds for name, seconds in run.health.items()},
         run.supply,
-        run.after.rest.shift if run.observer.zero == "keep" else 0.0,
+        run.after.rest_shift if run.observer.zero == "keep" else 0.0,
         _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
         *((_pressure(run), _travel(run)) if isinstance(run, ObservedRecording) else (None, None)),

@@ -24,17 +24,17 @@ CONDITIONS: Mapping[str, str] = {"T_0": "temperature_ambient", "P_S": "pressure_
 
 #: Standard deviation of the mean of such a column over a recording, in SI: an ambient temperature sensor in the sun or
 #: behind the engine, and a pressure sensor of a brake system (0.5 % of 10 bar). Guessed from data sheets.
-ACCURACY: Mapping[str, float] = {"T_0": 2.0, "P_S": 5e3}
+ACCURACY: Mapping[str, float] = {"T_0": (AIR_ACCURACY := 2.0), "P_S": 5e3}
 
 #: Lowest and highest air temperature in K that can be right.
-AIR = PLAUSIBLE["temperature_ambient"]
+AIR = COLDEST, HOTTEST = PLAUSIBLE["temperature_ambient"]
 
 #: Largest range of the air temperature in a recording: 5 K, and 0.2 K more a second (out of a warm hall).
 SWING, RATE = 5.0, 0.2
 
-#: Time in s without a temperature of the air after which it is not known any more: by these rates it may then be 17 K
+#: Time in us without a temperature of the air after which it is not known any more: by these rates it may then be 17 K
 #: off, as much as a temperature that was never recorded (the `AIR_STD` of an observer).
-LOST = 60.0
+LOST = 60_000_000
 
 
 class Assumption(NamedTuple):

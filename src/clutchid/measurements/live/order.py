@@ -152,7 +152,7 @@ class WaitingSamples:
 
 
 class LeftOutCounts(NamedTuple):
-    """Numbers of samples left out, see `clutchid.observer.health.LIVE_FLAGS`.
+    """Numbers of samples left out, see `clutchid.observer.flags.LIVE_FLAGS`.
 
     They are too late, have a stamp that a later one repeats, cannot be read, or are invalid, as no later one confirms
     their stamp.

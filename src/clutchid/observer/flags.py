@@ -1,0 +1,51 @@
+"""Flags of an observer: faults of the signals, and what it does about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+#: Meanings of the flags.
+FLAGS: Mapping[str, str] = MappingProxyType({
+    "position_missing": "the position is missing",
+    "position_frozen": "the position did not change for 15 samples or more, and was left out",
+    "position_beyond_stops": "the position is more than 0.5 mm outside of the stroke",
+    "duty_missing": "a duty cycle is missing: it is held for 20 ms, then nothing is estimated",
+    "time_missing": "samples are missing in time",
+    "outlier": "the innovation is beyond 4 standard deviations, and counts less",
+    "diverged": "the filter left what is possible, and was started again",
+    "leak": "chamber A, or what is connected to it, leaks",
+    "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
+    "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
+    "calibrate again",
+    "contradiction": "position and duty cycles contradict each other: what they taught is taken back",
+    "supply_unlike": "the recorded supply pressure cannot be right, by that of the calibration: it is not used",
+    "position_none": "the position is no value, far outside of the stroke, and was left out",
+    "position_jumps": "the position jumps as no piston moves, and was left out",
+    "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
+    "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
+    "late_correction": "a control unit with two rates left out a correction: its slow task is late, or never runs",
+    "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
+    "not_learning": "a stroke was not followed from its beginning, and nothing is learnt before it ends",
+    "air_refused": "the recorded temperature of the air cannot be right: the one before stays in use",
+    "air_lost": "no temperature of the air has counted for a minute: the band is that of an unknown one",
+    "travel_unlike": "the piston travels further than in the calibration: the gain of its position may be too large",
+})  # fmt: skip
+
+#: Meanings of the further flags of a live recording.
+LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
+    "late": "samples came too late, or with a time that goes back, and were left out",
+    "lost": "single samples are missing",
+    "unreadable": "lines or frames could not be read",
+    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
+})  # fmt: skip
+
+#: Bits of the flags that show before a filter takes the sample, by their place in `FLAGS`.
+(POSITION_MISSING, POSITION_BEYOND_STOPS, DUTY_MISSING, TIME_MISSING, REST_MOVED, SUPPLY_UNLIKE, POSITION_NONE,
+ POSITION_JUMPS, ZERO_UNKNOWN, REPEATED_SAMPLES, REPEATED_TIME, AIR_REFUSED, AIR_LOST, TRAVEL_UNLIKE) = (
+    1 << [*FLAGS].index(name) for name in (
+        "position_missing", "position_beyond_stops", "duty_missing", "time_missing", "rest_moved", "supply_unlike",
+        "position_none", "position_jumps", "zero_unknown", "repeated_samples", "repeated", "air_refused", "air_lost",
+        "travel_unlike",
+    )
+)  # fmt: skip
