@@ -9,7 +9,7 @@ import pytest
 
 from clutchid.codegen.kernel_c99 import CNames, kernel_c99, record_c99, values_c99
 from clutchid.codegen.records import fields_of, new_record, values_in
-from clutchid.observer import rest
+from clutchid.observer import rest, rest_rule
 from clutchid.strokes import plausible, rule, stroke
 from clutchid.strokes.stroke import LONGEST_US
 from clutchid.strokes.values import new_watch
@@ -89,7 +89,7 @@ def test_the_rule_for_values_has_the_verdicts_of_the_kernel(tmp_path):
 
 @pytest.mark.needs("cc")
 def test_loops_over_arrays_have_the_numbers_of_the_kernel(tmp_path):
-    in_c = compiled([rest], ["sort"], [], tmp_path).own_sort
+    in_c = compiled([rest_rule], ["sort"], [], tmp_path).own_sort
     values = np.random.default_rng(1).standard_normal(20)
     numbers = (ctypes.c_double * 20)(*values)
     in_c(numbers, 20)
