@@ -120,6 +120,59 @@ def test_rests_of_another_friction_are_no_moved_sensor():
     assert watch_rest(NOTHING, before, pace, *both)[0].shift == 0.0
 
 
+PACE = rest_pace(1e-3, 0.025)
+
+
+def from_the_stop(rests):
+    """Positions in m at the stop, then of a stroke before each vented rest, and duty cycles."""
+    y = np.concatenate([np.zeros(500), *(np.r_[np.full(500, 1e-2), rest] for rest in rests)])
+    return y, np.column_stack([np.zeros(y.size), np.ones(y.size)])
+
+
+def creeping(to, by=3e-4, seconds=0.4, samples=500):
+    return to + by * np.exp(-1e-3 * np.arange(samples) / seconds)
+
+
+def test_a_piston_that_creeps_back_has_no_level():
+    at_rest = from_the_stop([creeping(2e-4)] * 5)
+    watch, changes = watch_rest(NOTHING, VentedRest(0.0, 3e-4, 1e-5), PACE, *at_rest)
+    assert (watch.returned, watch.shift, len(changes)) == ((), 0.0, 1)
+
+
+@pytest.mark.parametrize(("returned", "level"), [(3e-4, 5.5e-4), (1.8e-3, 3.5e-4)])
+def test_rests_that_lie_otherwise_above_a_stop_that_stays_are_no_moved_sensor(returned, level):
+    """The piston came to creep since the calibration, or the calibration has a hold of the position."""
+    at_rest = from_the_stop([np.full(500, level)] * 4)
+    watch, _ = watch_rest(NOTHING, VentedRest(0.0, returned, 1e-5), PACE, *at_rest)
+    assert (watch.shift, watch.lowest) == (0.0, 0.0)
+
+
+def test_rests_that_came_down_before_two_of_them_are_a_moved_sensor():
+    at_rest = from_the_stop([np.full(500, 1e-4)] * 3)
+    assert watch_rest(NOTHING, VentedRest(0.0, 5e-4, 1e-5), PACE, *at_rest)[0].shift == pytest.approx(-4e-4)
+
+
+def test_a_stop_that_stays_has_not_moved_where_the_calibrated_rests_are_near_it():
+    at_rest = from_the_stop([np.full(500, 3.5e-4)] * 2)
+    assert watch_rest(NOTHING, VentedRest(0.0, 7e-5, 1e-5), PACE, *at_rest)[0].shift == 0.0
+
+
+@pytest.mark.parametrize("moves", [0.0, 1e-3])
+def test_a_false_shift_ends_where_the_piston_creeps_below_the_stop_that_it_would_have(moves):
+    y, duties = from_the_stop([np.full(300, 8e-4), creeping(0.0, 8e-4, 1.0, 8000)])
+    y, duties = moves + y[500:], duties[500:]  # without its stop at the beginning
+    before = VentedRest(0.0, 3e-4, 1e-5)
+    watch, changes = watch_rest(NOTHING, before, PACE, y, duties)
+    assert changes[0][1] == pytest.approx(moves + 5e-4), "taken for a moved sensor"
+    assert watch.shift == pytest.approx(moves, abs=6e-5)
+    pieces, at = NOTHING, 0
+    for block in np.split(np.column_stack([y, duties]), [150, 700, 1111, 4000]):
+        pieces, of_block = watch_rest(pieces, before, PACE, block[:, 0], block[:, 1:])
+        assert [(at + i, shift) for i, shift in of_block] == [c for c in changes if at < c[0] <= at + len(block)]
+        at += len(block)
+    assert_equal(pieces, watch)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["A", "B"])
 def test_the_shift_on_line_is_that_of_the_whole_recording(family, plant):
