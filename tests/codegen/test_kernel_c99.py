@@ -92,5 +92,5 @@ def test_loops_over_arrays_have_the_numbers_of_the_kernel(tmp_path):
     in_c = compiled([rest_rule], ["sort"], [], tmp_path).own_sort
     values = np.random.default_rng(1).standard_normal(20)
     numbers = (ctypes.c_double * 20)(*values)
-    in_c(numbers, 20)
+    in_c(numbers, 0, 20)
     assert list(numbers) == sorted(values)

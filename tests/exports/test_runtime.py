@@ -62,7 +62,7 @@ def log(switched, recorded_by):
 
 @pytest.fixture(scope="module")
 def faulty(log):
-    """The recording with missing, frozen, impossible and late samples, spikes, and duty cycles that are missing."""
+    """The recording with missing, frozen, impossible and late samples, spikes, missing duty cycles, and a long hole."""
     values = log["position"]
     made = spoiled(log, "position", slice(600, 640))
     made = spoiled(made, "position", slice(1500, 1540), values[1500])
@@ -71,7 +71,8 @@ def faulty(log):
     made = spoiled(made, "position", slice(3300, 3400), below)
     made = spoiled(made, "duty_supply", slice(2700, 2702))
     made = spoiled(made, "duty_exhaust", 5100)
-    return picked(made, np.r_[0:1800, 1803:4500, 4530 : len(made)])
+    torn = picked(made, np.r_[0:1800, 1803:4500, 4530 : len(made)])
+    return replace(torn, time=torn.time + 70.0 * (torn.time > 4.5))  # in which the sensor was exchanged
 
 
 @pytest.fixture(scope="module")

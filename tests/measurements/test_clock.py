@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from clutchid.log import HOLE
 from clutchid.measurements.clock import AT_START, Tolerance, matched, moved, runs_of
 from clutchid.measurements.source import Places
 from clutchid.measurements.time_axis import repair, steadied

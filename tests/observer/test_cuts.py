@@ -73,7 +73,7 @@ def case(plant, recordings):
             air = np.where(np.arange(len(log)) % 7, np.nan, 280.0 + log.time)
             log = log.with_columns(pressure_supply=0.97 * shown * P_S + noise, temperature_ambient=air)
         if moved:
-            log = log.with_columns(position=log["position"] + 3e-4)
+            log = log.with_columns(position=log["position"] + 4.5e-4)
         return calibration, faulty(log)
 
     def made(method, conditions):

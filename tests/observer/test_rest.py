@@ -96,10 +96,12 @@ def nothing(**values):
     return new_record(Rest, lowest=np.nan, **values)
 
 
-def test_a_hole_keeps_the_shift_until_a_rest_says_else():
-    rest = nothing(shift=2e-4, n_returned=1, excursion=1)
-    kernels_in("clutchid.observer.rest_rule").new_stretch(rest)
-    assert_equal(values_in(rest), values_in(nothing(shift=2e-4)))
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_a_hole_keeps_the_shift_and_the_levels_where_no_sensor_can_have_been_exchanged(exchanged):
+    levels = {"lowest": np.nan, "n_returned": 0} if exchanged else {"lowest": 1e-4, "n_returned": 2}
+    rest = new_record(Rest, shift=2e-4, lowest=1e-4, n_returned=2, excursion=1, taken=1, n_medians=3, vents=7)
+    kernels_in("clutchid.observer.rest_rule").new_stretch(rest, exchanged)
+    assert_equal(values_in(rest), values_in(new_record(Rest, shift=2e-4, **levels)))
 
 
 def test_rests_above_the_stop_change_no_shift_that_they_allow():
@@ -138,6 +140,54 @@ def test_rests_of_another_friction_are_no_moved_sensor():
     both = np.concatenate([np.zeros(500), y]), np.vstack([np.column_stack([np.zeros(500), np.ones(500)]), duties])
     watched(rest, before, *both)
     assert rest.shift == 0.0
+
+
+def from_the_stop(rests):
+    """Positions in m at the stop, then of a stroke before each vented rest, and duty cycles."""
+    y = np.concatenate([np.zeros(500), *(np.r_[np.full(500, 1e-2), rest] for rest in rests)])
+    return y, np.column_stack([np.zeros(y.size), np.ones(y.size)])
+
+
+def creeping(to, by=3e-4, seconds=0.4, samples=500):
+    return to + by * np.exp(-1e-3 * np.arange(samples) / seconds)
+
+
+def test_a_piston_that_creeps_back_has_no_level():
+    at_rest = from_the_stop([creeping(2e-4)] * 5)
+    rest = nothing()
+    changes = watched(rest, VentedRest(0.0, 3e-4, 1e-5), *at_rest)
+    assert (rest.n_returned, rest.shift, len(changes)) == (0, 0.0, 1)
+
+
+@pytest.mark.parametrize(("returned", "level"), [(3e-4, 5.5e-4), (1.8e-3, 3.5e-4)])
+def test_rests_that_lie_otherwise_above_a_stop_that_stays_are_no_moved_sensor(returned, level):
+    """The piston came to creep since the calibration, or the calibration has a hold of the position."""
+    at_rest = from_the_stop([np.full(500, level)] * 4)
+    rest = nothing()
+    watched(rest, VentedRest(0.0, returned, 1e-5), *at_rest)
+    assert (rest.shift, rest.lowest) == (0.0, 0.0)
+
+
+def test_rests_that_came_down_before_two_of_them_are_a_moved_sensor():
+    at_rest = from_the_stop([np.full(500, 1e-4)] * 3)
+    assert watched(nothing(), VentedRest(0.0, 5e-4, 1e-5), *at_rest)[-1][1] == pytest.approx(-4e-4)
+
+
+def test_a_stop_that_stays_has_not_moved_where_the_calibrated_rests_are_near_it():
+    at_rest = from_the_stop([np.full(500, 3.5e-4)] * 2)
+    rest = nothing()
+    watched(rest, VentedRest(0.0, 7e-5, 1e-5), *at_rest)
+    assert rest.shift == 0.0
+
+
+@pytest.mark.parametrize("moves", [0.0, 1e-3])
+def test_a_false_shift_ends_where_the_piston_creeps_below_the_stop_that_it_would_have(moves):
+    y, duties = from_the_stop([np.full(300, 8e-4), creeping(0.0, 8e-4, 1.0, 8000)])
+    y, duties = moves + y[500:], duties[500:]  # without its stop at the beginning
+    rest = nothing()
+    changes = watched(rest, VentedRest(0.0, 3e-4, 1e-5), y, duties)
+    assert changes[0][1] == pytest.approx(moves + 5e-4), "taken for a moved sensor"
+    assert rest.shift == pytest.approx(moves, abs=6e-5)
 
 
 @pytest.mark.slow

@@ -288,7 +288,7 @@ class _Printer:
         lines: list[str] = []
         targets: list[str] = []
         for target, value in pairs:
-            if any(re.search(rf"\b{re.escape(word)}\b", ast.unparse(value)) for word in targets):
+            if any(isinstance(part, ast.expr) and ast.unparse(part) in targets for part in ast.walk(value)):
                 raise ValueError(f"{ast.unparse(value)!r} is assigned together with what it depends on")
             targets.append(ast.unparse(target))
             new = self._as(value, self._kind(target, types), types)

@@ -11,6 +11,9 @@ CLOCK = 16_000_000
 #: docs/derivations_online.md.
 BRIDGED = 20_000
 
+#: A hole of more us is long enough for the exchange of a sensor.
+EXCHANGED = 60_000_000
+
 #: A position further outside of the stroke than this in m is beyond the stops.
 OUTSIDE_STOPS = 0.5e-3
 

@@ -28,7 +28,7 @@ from clutchid.observer.flags import (
     TRAVEL_UNLIKE,
     ZERO_UNKNOWN,
 )
-from clutchid.observer.intake import BRIDGED, CLOCK, OUTSIDE_STOPS, Input, Intake, IntakeLimits, Sample
+from clutchid.observer.intake import BRIDGED, CLOCK, EXCHANGED, OUTSIDE_STOPS, Input, Intake, IntakeLimits, Sample
 from clutchid.observer.rest import Rest, RestBefore
 from clutchid.observer.rest_rule import new_stretch, watch_rest
 from clutchid.strokes.plausible import count_anew, judge_next
@@ -234,7 +234,7 @@ def take_in(
             intake.driven = 0
         hold_duties(intake, sample, sample.verdict in (SEAM, REPEATED_VALUES))
         if sample.begins == 1:
-            new_stretch(rest)
+            new_stretch(rest, sample.verdict == SEAM or since > EXCHANGED)
         intake.sampled = 1
         sample.zero = rest.shift if before.subtracted == 1 else 0.0
         sample.position = math.nan if intake.unzeroed == 1 else sample.measured - sample.zero

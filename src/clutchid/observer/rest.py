@@ -23,6 +23,16 @@ REMEMBERED = 8
 #: most.
 AGREEING, EARLIER, APART = 3, 2, 1.5e-4
 
+#: The piston has stopped where the halves of a still window differ by no more than this in m: else it creeps back, and
+#: its level is none. No vented piston lies further below its stop than the other, whatever creeps. The noise of a
+#: sensor moves a level by 6 µm. What other limits do: `python benchmarks/creeping.py`.
+STOPPED, BELOW = 2e-5, 5e-5
+
+#: Where a calibration has its rests after a stroke further above the stop than this in m, they are holds of the
+#: position: friction holds the piston of all trucks of A, B and hybrids up to 0.57 mm above it, 40 % more of it
+#: 0.72 mm.
+HOLD = 8e-4
+
 
 class Rest:
     """The vented rest between two samples.
