@@ -41,19 +41,12 @@ _SHOWN = 3
 #: Samples that a variable of a MATLAB 5 file may have.
 _LONGEST = (2**31 - 1) // 8
 
-#: What makes numbers of the objects of a class in MATLAB; `x` is the object.
+#: What makes numbers of the objects of Simulink in MATLAB; `x` is the object.
 _IN_MATLAB = {
-    "timeseries": "s = struct('time', x.Time, 'data', x.Data)",
-    "timetable": "s = table2struct(timetable2table(x), 'ToScalar', true); "
-    "s.time = seconds(x.Properties.RowTimes - x.Properties.RowTimes(1))",
-    "table": "s = table2struct(x, 'ToScalar', true)",
     "Simulink.SimulationData.Dataset": "s = struct('time', x{1}.Values.Time, 'data', x{1}.Values.Data)",
     "Simulink.SimulationData.Signal": "s = struct('time', x.Values.Time, 'data', x.Values.Data)",
     "Simulink.SimulationOutput": "s = struct('time', x.tout, 'data', x.logsout{1}.Values.Data)",
-    "datetime": "s = seconds(x - x(1))",
-    "duration": "s = seconds(x)",
 }
-
 
 _V4, _V73 = "MATLAB 4", "MATLAB 7.3"
 

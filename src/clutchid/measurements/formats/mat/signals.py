@@ -20,8 +20,7 @@ from clutchid.measurements.formats.mat.contents import ArrayChannel, BrokenMat, 
 from clutchid.measurements.source import Raster
 from clutchid.names import printable
 
-#: Columns of a matrix, and channels of a file, up to which they are listed.
-_MOST_COLUMNS = 256
+#: Channels of a file up to which they are listed.
 MOST_CHANNELS = 20_000
 
 #: Samples from which on a column that grows is taken for time.
@@ -92,9 +91,7 @@ def _no_channel(array: ArrayChannel, least: int) -> str:
     """Kind of an array that holds no channel, in the plural; empty of any other."""
     if array.size < least:
         return "single numbers" if array.size else "empty arrays"
-    if len(array.sides) > 2:
-        return "arrays of three or more dimensions"
-    return f"matrices of more than {_MOST_COLUMNS} columns" if array.mark and min(array.sides) > _MOST_COLUMNS else ""
+    return "arrays of three or more dimensions" if len(array.sides) > 2 else ""
 
 
 def _described(array: ArrayChannel, texts: Mapping[ItemPath, str], *, only: bool) -> ArrayChannel:
