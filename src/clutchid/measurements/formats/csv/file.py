@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from clutchid.log import Log
+from clutchid.measurements.formats.csv.cells import decimal_mark
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.rows import TextReading
 from clutchid.measurements.formats.csv.text import ENCODINGS, TextFile, text_file
@@ -24,11 +25,8 @@ _LONG = (
     f"line 1 is longer than {_HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
 )
 
-#: Cells with an unambiguous decimal mark, in any line.
-_UNAMBIGUOUS = (
-    rb"(?:^|[;|\t \"])[+-]?(?:(?P<point>\d*\.\d+)|0\d*,\d+|\d*,\d{1,2}|\d*,\d{4,}|\d{4,},\d+|\d*,\d+(?=[eE]))"
-    rb"(?:[eE][+-]?\d+)?(?=$|[;|\t \"])"
-)
+#: Cells with a point or a comma, in any line.
+_MARKED = re.compile(r'[^;|\t "\n]*[.,][^;|\t "\n]*')
 
 
 def open_file(path: Path) -> Source:
@@ -74,10 +72,8 @@ def open_file(path: Path) -> Source:
     texts = [heading.text for heading in notation.headings if notation.forms[heading.index].kind == "text"]
     others = tuple((text, "text") for text in texts if text)
     raster = Raster(notation.headings, max(0, text.last - notation.samples + 1), clock=notation.clock, others=others)
-    both = not notation.header and (notation.separator, len(notation.headings), notation.decimal) == (",", 2, "")
-    doubt = "two columns of integers without names were found; this may also be one column with a decimal comma."
     tables = partial(_tables, text, notation)
-    return Source(path, "CSV", (raster,), tables, notation.problems, (doubt,) * both, metadata, unnamed)
+    return Source(path, "CSV", (raster,), tables, notation.problems, (), metadata, unnamed)
 
 
 def save(log: Log, path: Path) -> None:
@@ -99,8 +95,9 @@ def _with_decimal_mark(text: TextFile, notation: Dialect) -> Dialect:
     if notation.decimal or notation.separator == ",":
         return notation
     for block in text.blocks(notation.samples, BLOCK):
-        if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
-            return notation.with_decimal("." if match["point"] else ",")
+        marked = b"," in block.text or b"." in block.text
+        if marked and (mark := decimal_mark(_MARKED.findall(block.text.decode("utf-8", "replace")))):
+            return notation.with_decimal(mark)
     return notation
 
 

@@ -20,9 +20,7 @@ from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.cells import (
     AMBIGUOUS,
-    NUMBER,
     STAMPS_SHOWN,
-    THOUSANDS,
     is_words,
     numbers_of,
     split,
@@ -230,21 +228,9 @@ def _cells(text: bytes, lines: int, dialect: Dialect, selected: Sequence[Heading
 def _advice(shown: Sequence[str], dialect: Dialect, index: int) -> str:
     """Advice on how to correct cells, of which a message shows the text in quotes."""
     cells = [text.partition("'")[2].removesuffix("'").strip() for text in shown]
-    kind, is_time = dialect.forms[index].kind, dialect.headings[index].name == "time"
-    grouped = [THOUSANDS.fullmatch(cell) and not NUMBER.fullmatch(cell) for cell in cells]
-    advice = (
-        (kind == "stamp", "write date and time as in the other cells, for example 2024-05-01T12:00:00.001"),
-        (is_time and all(":" in cell for cell in cells), f"write date and time as {STAMPS_SHOWN}"),
-        (kind == "truth", "write 1 or 0"),
-        (
-            not dialect.decimal and any(map(AMBIGUOUS.fullmatch, cells)),
-            "the comma may be a decimal or a thousands separator: write a decimal point",
-        ),
-        (any(grouped), "write a number without thousands separators"),
-        (
-            dialect.decimal == "," and any("." in cell for cell in cells),
-            "the decimal mark of this file is the comma: write a number without a point",
-        ),
-        (any("," in cell for cell in cells), "write a number with a decimal point"),
-    )
-    return next((text for holds, text in advice if holds), "write a number like 0.0125")
+    is_time = dialect.headings[index].name == "time" and all(":" in cell for cell in cells)
+    if is_time or dialect.forms[index].kind == "stamp":
+        return f"write date and time as {STAMPS_SHOWN}"
+    if not dialect.decimal and any(map(AMBIGUOUS.fullmatch, cells)):
+        return "the comma may be a decimal or a thousands separator: write a decimal point"
+    return f"write a number such as {'0,0125' if dialect.decimal == ',' else '0.0125'}, without thousands separators"
