@@ -65,7 +65,7 @@ def open_file(path: Path) -> Source:
     if notation is None:
         return refused(path, "CSV", f"the file {'has no table' if text.last else 'is empty'}; {EXAMPLE}")
     notation = _with_decimal_mark(text, notation)
-    metadata = {**notation.about, "dialect": f"{ENCODINGS[text.encoding]}, {notation.text}"}
+    metadata = {"dialect": f"{ENCODINGS[text.encoding]}, {notation.text}"}
     if notation.start:
         metadata["start"] = notation.start
     unnamed = "" if notation.header else f"line {notation.samples}: the first line contains numbers; {EXAMPLE}"

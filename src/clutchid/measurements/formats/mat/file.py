@@ -48,7 +48,7 @@ _IN_MATLAB = {
     "Simulink.SimulationOutput": "s = struct('time', x.tout, 'data', x.logsout{1}.Values.Data)",
 }
 
-_V4, _V73 = "MATLAB 4", "MATLAB 7.3"
+_V73 = "MATLAB 7.3"
 
 #: Matrices of a result of Modelica tools, whose channels have their names in another matrix.
 _MODELICA = {"Aclass", "name", "dataInfo"}
@@ -96,7 +96,7 @@ def open_file(path: Path) -> Source:
     if version is None:
         return refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
     try:
-        return _source(path, version, head)
+        return _source(path, version)
     except BrokenMat as error:
         return refused(path, version, str(error))
 
@@ -132,7 +132,7 @@ def _version(head: bytes) -> str | None:
         return _V73
     if head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00"):
         return "MATLAB 5"
-    return _V4 if _is_v4(head) else None
+    return "MATLAB 4" if _is_v4(head) else None
 
 
 def _is_v4(head: bytes) -> bool:
@@ -147,7 +147,7 @@ def _is_v4(head: bytes) -> bool:
     return False
 
 
-def _source(path: Path, version: str, head: bytes) -> Source:
+def _source(path: Path, version: str) -> Source:
     with opened_variables(path, hdf5=version == _V73) as variables:
         whole = contents(path, variables)
         if {at[0] for at in (*whole.texts, *(array.path for array in whole.arrays))} >= _MODELICA:
@@ -166,8 +166,6 @@ def _source(path: Path, version: str, head: bytes) -> Source:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
         problem, *others = warnings if whole.objects else (nothing, *warnings)
         return refused(path, version, problem, *others)
-    header = "" if version == _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
-    metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
         size, signals = rasters[raster].size, grids[raster][1]
@@ -183,7 +181,7 @@ def _source(path: Path, version: str, head: bytes) -> Source:
         except BrokenMat as error:
             raise DataError(f"{path}: {error}") from error
 
-    return Source(path, version, rasters, tables, (), warnings, metadata)
+    return Source(path, version, rasters, tables, (), warnings, own or {})
 
 
 def _left_out(whole: Contents) -> tuple[str, ...]:

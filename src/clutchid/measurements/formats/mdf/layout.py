@@ -24,7 +24,6 @@ _VLSD, _BUS_EVENT = 1, 2
 _BUS_CHANNEL = 1 << 10
 _ALL_INVALID = 1
 _TIME = 1
-_LONGEST = 200
 
 #: Types of data that are numbers, in MDF 4 and in MDF 3; types of channels of MDF 4 that hold one number a sample.
 _NUMBERS_4, _NUMBERS_3 = frozenset(range(6)), frozenset({0, 1, 2, 3, *range(9, 17)})
@@ -75,16 +74,13 @@ def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
 
 
 def metadata_of(mdf: Any) -> dict[str, str]:
-    """Metadata in the header of a file; of a file that clutchid wrote exactly the metadata of its log."""
+    """The start of the measurement; of a file that clutchid wrote exactly the metadata of its log."""
     root = _xml(_guarded(lambda: mdf.header.comment))
     own = root.find(f".//e[@name='{_KEY}']") if root is not None else None
     if own is not None and (metadata := own_metadata(own.text)) is not None:
         return metadata
     start = _guarded(lambda: mdf.header.start_time.isoformat() if getattr(mdf.header, "abs_time", 1) else "")
-    program = _guarded(lambda: mdf.identification.program_identification.decode("latin-1"))
-    texts = {"start": start, "program": program.strip(" \0"), "comment": _text(root)}
-    texts |= {name: _guarded(lambda name=name: getattr(mdf.header, name)) for name in ("author", "project", "subject")}
-    return {name: text for name, text in texts.items() if text and len(text) <= _LONGEST}
+    return {"start": start} if start else {}
 
 
 def comment_of(metadata: Mapping[str, str]) -> str:
