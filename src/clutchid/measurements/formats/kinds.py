@@ -27,7 +27,7 @@ _NUMBERS = re.compile(rb'(?m)(^|[;,\t| "])' + _NUMBER + rb'"? *[;,\t| ] *"?' + _
 
 _UNPACK = "unpack it, and name the recording in it"
 _JSON = "a JSON file"
-_DATABASE = "name the recording of the bus, and give this file with --dbc"
+_DATABASE = "name the recording of the bus, and give its DBC with --dbc"
 _EXPORT = "export the channels as CSV, Parquet or MDF"
 _FRAMES = "convert it to BLF or ASC with the tool that wrote it, or record with `candump -L`"
 
@@ -64,8 +64,8 @@ _FOREIGN = (
 _TEXTS = (
     (r"version https://git-lfs\.github\.com/spec/", "a Git LFS pointer, which stands for a file that was not fetched",
      "fetch the file with `git lfs pull`"),
-    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?AUTOSAR\b", "an ARXML database", _DATABASE),
-    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?NetworkDefinition\b", "a KCD database", _DATABASE),
+    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?(AUTOSAR|NetworkDefinition)\b", "an ARXML or KCD database",
+     _DATABASE),
     (r"(?s)\s*(<\?xml.{0,2000}?)?<(!DOCTYPE\s+)?html\b", "a web page", "download the recording itself"),
     (r"\s*<\?xml\b|\s*<(\w+:)?FIBEX\b", "an XML file", _EXPORT),
     (r"(?s)\s*(//[^\n]*\n\s*)*(FormatVersion\s*=|Title\s*=).*?(\{(ENUMS|SEND\w*|RECEIVE|SIGNALS)\}|Title\s*=)",
