@@ -145,24 +145,20 @@ def rasters_of(signals: Sequence[ArrayChannel], peek: Peek) -> list[tuple[Raster
                 continue  # the time again, as Simulink writes it beside `tout`
         owner = first or time
         (timed[owner] if owner else untimed[signal.size]).append(first if first and signal.column == 0 else signal)
-    lone = [time for time, group in timed.items() if group == [time]]
-    for time in lone:
+    for time in [time for time, group in timed.items() if group == [time]]:
         untimed[time.size] += timed.pop(time)
     for size, group in list(untimed.items()):
         if by_words := _by_words(group, peek):
             timed |= by_words
             del untimed[size]
     names = Counter(_called(signal) for signal in signals)
-    rasters = [(_raster(group, names, group.index(time), time), group) for time, group in timed.items()]
-    return rasters + [
-        (_raster(group, names, 0 if set(lone).issuperset(group) else None), group) for group in untimed.values()
-    ]
+    grids = [*timed.items(), *((None, group) for group in untimed.values())]
+    return [(_raster(group, names, time), group) for time, group in grids]
 
 
-def _raster(
-    group: Sequence[ArrayChannel], names: Counter[str], clock: int | None, time: ArrayChannel | None = None
-) -> Raster:
+def _raster(group: Sequence[ArrayChannel], names: Counter[str], time: ArrayChannel | None) -> Raster:
     """A time grid, called by the struct that its time serves; a channel is called by its label if no other is."""
+    clock = None if time is None else group.index(time)
     homes = {_without_index(signal.path)[:-1] for signal in group}
     if time is not None:
         homes = {time.path[:-1] if time.serves is None else time.serves}
