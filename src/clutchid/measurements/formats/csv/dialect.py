@@ -232,10 +232,8 @@ def _with_header(
         if not remark or at == samples - 1:
             said[role_of] = at, cells + [""] * len(lacking) * (empty or role_of != "names")
     candidate = _Candidate(separator, rows, width, samples, said)
-    at, names = candidate.names
-    if len(names) == width + 1 and not names[-1].strip() and at >= 0:
-        said["names"] = at, names[:-1]
-    first = max([line for line, _ in said.values()], default=-1) + 1 if at >= 0 else samples
+    named = candidate.names[0] >= 0
+    first = max([line for line, _ in said.values()], default=-1) + 1 if named else samples
     while first < samples and (is_comment(filled[first][1], separator) or _is_label(rows[first][0])):
         first += 1
     return replace(candidate, samples=first)

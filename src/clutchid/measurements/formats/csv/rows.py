@@ -98,6 +98,7 @@ class TextReading:
         import polars as pl
 
         lines, rows, width = [], [], len(self.dialect.headings)
+        unfinished = block.first + block.lines - 1 if not block.text.endswith(b"\n") else 0
         again = [split(line, self.dialect.separator) for line in self.dialect.above]
         for number, cells in self._rows(block):
             if not "".join(cells).strip() and (len(cells) < 2 or len(cells) != width):
@@ -107,7 +108,11 @@ class TextReading:
             elif len(cells) == width:
                 lines.append(number)
                 rows.append([cells[column.index] for column in self.selected])
-            elif is_comment(cells[0], "") or self._is_remark(cells) or self._is_unfinished(block, number, cells):
+            elif (
+                is_comment(cells[0], "")
+                or (number == unfinished and len(cells) < width)
+                or ((len(cells) == 1 or self.dialect.separator == " ") and is_words(cells))
+            ):
                 self.left_out.append(number)
             else:
                 self.ragged.append(f"line {number} has {len(cells)}")
@@ -115,13 +120,6 @@ class TextReading:
         named = zip(self.selected, columns, strict=True)
         cells_of = {column.index: pl.Series(texts, dtype=pl.String) for column, texts in named}
         return cells_of, Places("line", numbers=np.array(lines, dtype=np.int64))
-
-    def _is_remark(self, cells: Sequence[str]) -> bool:
-        return (len(cells) == 1 or self.dialect.separator == " ") and is_words(cells)
-
-    def _is_unfinished(self, block: TextBlock, number: int, cells: Sequence[str]) -> bool:
-        last = block.first + block.lines - 1
-        return number == last and not block.text.endswith(b"\n") and len(cells) < len(self.dialect.headings)
 
     def _rows(self, block: TextBlock) -> Iterator[tuple[int, list[str]]]:
         """Number and cells of each line."""
@@ -159,10 +157,8 @@ class TextReading:
             for index, count in sorted(self.none.items())
         ]
         if self.left_out:
-            where, several = listed(map(str, self.left_out)), len(self.left_out) > 1
-            holds = ("holds", "it repeats the names, is a remark, or was")
-            hold, why = ("hold", "they repeat the names, are remarks, or were") if several else holds
-            warnings.append(f"line{'s' * several} {where} {hold} no sample: {why} not written to the end.")
+            where = listed(map(str, self.left_out))
+            warnings.append(f"left out line {where}: the names again, a remark, or not written to the end.")
         self.parts, self.invalid, self.none, self.ragged, self.left_out = [], {}, Counter(), [], []
         return replace(whole, problems=tuple(problems), warnings=tuple(warnings))
 
