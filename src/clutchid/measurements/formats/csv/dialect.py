@@ -82,10 +82,6 @@ class Dialect:
         mark = {".": "decimal point", ",": "decimal comma", "": "whole numbers"}[self.decimal]
         return f"{_SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
 
-    def with_decimal(self, mark: str) -> Dialect:
-        """A copy with another decimal mark."""
-        return replace(self, decimal=mark, forms=tuple(replace(form, decimal=mark) for form in self.forms))
-
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
@@ -251,7 +247,7 @@ def _described(filled: Lines, candidate: _Candidate) -> Dialect:
     shown = (*rows[: _SCORED // 2], *rows[_SCORED // 2 :][-_SCORED // 2 :])
     decimal = decimal_mark(cell for row in shown for cell in row)
     columns = [[row[index] for row in shown] for index in range(width)]
-    forms = tuple(form(column, decimal) for column in columns)
+    forms = tuple(map(form, columns))
     units_at, row_of_units = said.get("units", (-1, []))
     units = [*(units_in(row_of_units) or []), *[""] * width][:width]
     named = [_named(*column) for column in zip(range(width), names, units, columns, forms, strict=True)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -97,7 +98,7 @@ def _with_decimal_mark(text: TextFile, notation: Dialect) -> Dialect:
     for block in text.blocks(notation.samples, BLOCK):
         marked = b"," in block.text or b"." in block.text
         if marked and (mark := decimal_mark(_MARKED.findall(block.text.decode("utf-8", "replace")))):
-            return notation.with_decimal(mark)
+            return replace(notation, decimal=mark)
     return notation
 
 

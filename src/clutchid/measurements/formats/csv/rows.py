@@ -89,7 +89,7 @@ class TextReading:
         """As `numbers_of`; of a column of words nothing is invalid."""
         if cells.dtype.is_numeric():
             return cells.to_numpy(), np.empty(0, dtype=np.int64), 0
-        numbers, rows, none = numbers_of(cells, self.dialect.forms[index])
+        numbers, rows, none = numbers_of(cells, self.dialect.forms[index], self.dialect.decimal)
         is_words = self.dialect.headings[index].name is None and self.dialect.forms[index].kind == "text"
         return (numbers, rows[:0], 0) if is_words else (numbers, rows, none)
 
