@@ -63,7 +63,6 @@ def tape() -> bytes:
 FOREIGN |= {
     "logs.zip": (archive("run.mf4", "other.mf4"), r"ZIP archive \(of 'run.mf4' and 1 more\); unpack"),
     "sheet.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel workbook; save the sheet as CSV"),
-    "arrays.npz": (archive("time.npy"), "archive of NumPy arrays"),
     "cut.zip": (archive("run.mf4")[:40], "damaged ZIP archive"),
     "logs.tar": (tape(), "tar archive; unpack"),
     "logs.tar.gz": (gzip.compress(tape()), "tar archive; unpack"),

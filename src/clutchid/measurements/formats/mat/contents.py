@@ -33,7 +33,7 @@ _BEST_RATIO = 1032
 
 _HDF5 = "MATLAB 7.3 (HDF5)"
 _ELSEWHERE = "arrays whose numbers are not in the file"
-_UNKNOWN = "arrays of an unknown kind"
+_OTHERS = "what holds no real numbers"
 
 
 class BrokenMat(ValueError):
@@ -107,12 +107,12 @@ class Contents:
             for name, item in value.items():
                 self.add((*path, str(name)), item)
         elif class_name := _class_name(value):
-            self._add_object(path, class_name)
+            self.objects[class_name].append(path)
         elif isinstance(value, str):
             self.texts[path] = value.strip()
-        elif not isinstance(value, np.ndarray):
+        elif not isinstance(value, np.ndarray) or type(value).__name__ == "MatlabFunction":
             if value is not None:  # a struct without fields
-                self.left["sparse matrices" if hasattr(value, "nnz") else _UNKNOWN].append(path)
+                self.left[_OTHERS].append(path)
         elif value.dtype.kind == "O":  # column by column, as in MATLAB
             self.add(path, {f"{{{i}}}": item for i, item in enumerate(value.ravel(order="F"), 1)})
         elif value.dtype.kind == "V":
@@ -125,26 +125,19 @@ class Contents:
         else:
             self._add_numbers(path, value.dtype, value.shape, value)
 
-    def _add_object(self, path: ItemPath, class_name: str) -> None:
-        if class_name == "function_handle":
-            self.left["functions"].append(path)
-        else:
-            self.objects[class_name or "no class"].append(path)
-
     def _add_numbers(self, path: ItemPath, dtype: np.dtype[Any], shape: tuple[int, ...], place: Any) -> None:
         if dtype.kind in "fiub":
             self.arrays.append(ArrayChannel(path, shape, place))
         else:
-            is_complex = dtype.kind == "c" or dtype.names == ("real", "imag")
-            self.left["complex numbers" if is_complex else _UNKNOWN].append(path)
+            self.left[_OTHERS].append(path)
 
     def _add_hdf5(self, path: ItemPath, item: Any) -> None:
         """Add a dataset, or what stands in a group; links out of it are not followed."""
         class_name = _attribute(item, "MATLAB_class")
-        if class_name == "function_handle" or _attribute(item, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
-            self._add_object(path, class_name)
-        elif "MATLAB_sparse" in item.attrs:
-            self.left["sparse matrices"].append(path)
+        if class_name == "function_handle" or "MATLAB_sparse" in item.attrs:
+            self.left[_OTHERS].append(path)
+        elif _attribute(item, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
+            self.objects[class_name or "no class"].append(path)
         elif hasattr(item, "dtype"):
             self._add_dataset(path, item, class_name)
         else:
@@ -157,7 +150,7 @@ class Contents:
     def _add_dataset(self, path: ItemPath, data: Any, class_name: str) -> None:
         if data.attrs.get("MATLAB_empty") or not data.size:
             if class_name not in ("char", "cell", "struct"):
-                self.left["empty arrays"].append(path)
+                self.left[_OTHERS].append(path)
             return
         stored = min(data.id.get_storage_size(), data.file.id.get_filesize()) * (_BEST_RATIO if data.chunks else 1)
         if data.is_virtual or data.external or data.size * data.dtype.itemsize > stored:
@@ -206,7 +199,7 @@ def _class_name(value: Any) -> str:
     if hasattr(value, "classname") and kind != "MatlabObject":  # this is a struct
         return str(value.classname)
     if kind != "MatlabOpaque":
-        return "function_handle" if kind == "MatlabFunction" else ""
+        return ""
     name = value["_Class" if "_Class" in value.dtype.names else "s2"].ravel()[0] if value.size else ""  # SciPy 1.18
     return (name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)) or "no class"
 

@@ -81,16 +81,13 @@ def signals_of(whole: Contents, least: int) -> list[ArrayChannel]:
         signals += [replace(signal, column=i) for i in range(min(array.sides) if array.mark else 1)]
         if len(signals) > MOST_CHANNELS:
             raise BrokenMat(f"has more than {MOST_CHANNELS:,} channels; save those that are needed.")
-    for path in whole.texts:
-        if is_time_name(_without_index(path)[-1]) and not any(part.casefold() in _UNITS for part in path):
-            whole.left["texts where a time is expected"].append(path)
     return signals
 
 
 def _no_channel(array: ArrayChannel, least: int) -> str:
     """Kind of an array that holds no channel, in the plural; empty of any other."""
     if array.size < least:
-        return "single numbers" if array.size else "empty arrays"
+        return "single numbers"
     return "arrays of three or more dimensions" if len(array.sides) > 2 else ""
 
 
