@@ -60,16 +60,9 @@ _ASC_LINES = (
     (_EVENT, rf"(?:{_ASC_STAMP})?"),
 )
 
-#: Lines at the start of an ASC log; two kinds of them make one, as a table may have a line or a column called Date, and
-#: two lines of frames, the last, as exported from a trace window.
-_ASC_BASE = re.compile(r"\s*base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?", re.IGNORECASE)
-_ASC_SIGNS = (
-    re.compile(r"\s*date\s+\w{2,3}\.?\s+\w{3}\.?\s+\d", re.IGNORECASE),
-    _ASC_BASE,
-    re.compile(r"\s*begin\s+triggerblock\b", re.IGNORECASE),
-    re.compile(r"\s*(?:no\s+)?internal events logged", re.IGNORECASE),
-    re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s+[dr]\b|CANFD\s)", re.IGNORECASE),
-)
+#: A line at the start of an ASC log; or two lines of frames, as exported from a trace window; among the first lines.
+_ASC_BASE = re.compile(r"\s*base\s+(?P<base>hex|dec)(?:\s+timestamps\s+(?P<kind>absolute|relative))?\s*", re.I)
+_ASC_FRAME = re.compile(r"\s*-?\d+\.\d+\s+(?:\d+\s+[0-9a-fA-F]+x?\s+(?:Rx|Tx)\s+[dr]\b|CANFD\s)", re.I)
 _ASC_HEADER = 40
 
 #: Day and time of a log, or of a block of frames in it, and how they may be written, with the number of the month.
@@ -128,8 +121,7 @@ def is_asc(head: bytes) -> bool:
     (True, False)
     """
     lines = _lines_of(head)[:_ASC_HEADER]
-    counts = [sum(sign.match(line) is not None for line in lines) for sign in _ASC_SIGNS]
-    return sum(number > 0 for number in counts) >= 2 or counts[-1] >= 2
+    return any(map(_ASC_BASE.fullmatch, lines)) or sum(map(bool, map(_ASC_FRAME.match, lines))) >= 2
 
 
 def is_trc(head: bytes) -> bool:

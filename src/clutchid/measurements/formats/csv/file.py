@@ -22,9 +22,6 @@ _SMALL = 8e6
 _HEAD, _HEAD_BYTES, _WIDEST = 2000, 1 << 20, 10_000
 
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
-_LONG = (
-    f"line 1 is longer than {_HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
-)
 
 #: Cells with a point or a comma, in any line.
 _MARKED = re.compile(r'[^;|\t "\n]*[.,][^;|\t "\n]*')
@@ -56,8 +53,6 @@ def open_file(path: Path) -> Source:
     if text is None:
         return refused(path, "CSV", _NOT_TEXT)
     lines = text.head(_HEAD, _HEAD_BYTES)
-    if len(lines[0]) > _HEAD_BYTES:
-        return refused(path, "CSV", _LONG)
     wide = (n for n, line in enumerate(lines, 1) if len(line) > _WIDEST and max(map(line.count, ",;\t| ")) >= _WIDEST)
     if number := next(wide, 0):
         cells = f"line {number} has more than {_WIDEST:,} cells"
