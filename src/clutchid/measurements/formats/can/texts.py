@@ -89,8 +89,8 @@ _DAY_0 = datetime(1899, 12, 30)
 
 #: Lines that show what stamps are: those since the line before do not grow over the lines, by this share of their
 #: range, nor from line to line, in this share; those since 1970 are above this.
-_SHOWN, _GROWN, _ON, _YEAR = 2000, 0.1, 0.9, 3e7
-_EPOCH, _SINCE_2001 = datetime(1970, 1, 1), 1e9
+_SHOWN, _GROWN, _ON, _SINCE_1970 = 2000, 0.1, 0.9, 1e9
+_EPOCH = datetime(1970, 1, 1)
 
 _NO_STAMPS = (
     "is a log of candump without time stamps; record it with `candump -L`, or with `-ta`, `-tz` or `-td` to read "
@@ -152,12 +152,11 @@ def candump_log(path: Path) -> FrameLog:
         raise DataError(_NO_STAMPS)
     steps, half = np.diff(seconds), seconds.size // 2
     grown = half > 0 and seconds[half:].mean() - seconds[:half].mean() > _GROWN * np.ptp(seconds)
-    between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _YEAR
+    between = not grown and half > 0 and np.count_nonzero(steps > 0) < _ON * steps.size and seconds[0] < _SINCE_1970
     # whole seconds that stamps count from, so that these keep microseconds
-    zero, start = int(seconds[0]) if seconds[0] > _YEAR else 0, None
-    if zero >= _SINCE_2001:
-        with suppress(OverflowError):
-            start = _EPOCH + timedelta(seconds=zero)
+    zero, start = int(seconds[0]) if seconds[0] >= _SINCE_1970 else 0, None
+    with suppress(OverflowError):
+        start = _EPOCH + timedelta(seconds=zero) if zero else None
     buses = defaultdict[str, int](count(1).__next__)
     lines = _Lines(patterns, seconds=partial(_seconds, zero=zero), bus=buses.__getitem__)
     return _text_log("candump", start, path, lines, between=bool(between))
