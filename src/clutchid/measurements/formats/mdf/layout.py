@@ -6,6 +6,7 @@ import json
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -75,12 +76,14 @@ def layouts(mdf: Any) -> tuple[tuple[GroupLayout, ...], tuple[str, ...]]:
 
 def metadata_of(mdf: Any) -> dict[str, str]:
     """The start of the measurement; of a file that clutchid wrote exactly the metadata of its log."""
-    root = _xml(_guarded(lambda: mdf.header.comment))
-    own = root.find(f".//e[@name='{_KEY}']") if root is not None else None
-    if own is not None and (metadata := own_metadata(own.text)) is not None:
-        return metadata
-    start = _guarded(lambda: mdf.header.start_time.isoformat() if getattr(mdf.header, "abs_time", 1) else "")
-    return {"start": start} if start else {}
+    with suppress(Exception):  # asammdf decodes a header only when it is asked for
+        root = _xml(str(mdf.header.comment or ""))
+        own = root.find(f".//e[@name='{_KEY}']") if root is not None else None
+        if own is not None and (metadata := own_metadata(own.text)) is not None:
+            return metadata
+    with suppress(Exception):
+        return {"start": mdf.header.start_time.isoformat()} if getattr(mdf.header, "abs_time", 1) else {}
+    return {}
 
 
 def comment_of(metadata: Mapping[str, str]) -> str:
@@ -183,11 +186,3 @@ def _plain(text: Any) -> str:
 def _text(root: ET.Element | None) -> str:
     element = root if root is None or root.tag == "TX" else root.find(".//TX")
     return " ".join((element.text or "").split()) if element is not None else ""
-
-
-def _guarded(read: Any) -> str:
-    """A text that asammdf makes of bytes of the file; empty where it cannot."""
-    try:
-        return str(read() or "")
-    except Exception:
-        return ""
