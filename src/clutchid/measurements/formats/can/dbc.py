@@ -240,12 +240,13 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
     try:
         with quiet("cantools.database.can.database"):
             database: Any = load_string(text + _END, "dbc", strict=False)
+        named = _protocol(database)
+        messages = tuple(_message(message, named) for message in database.messages)
     except (Exception, RecursionError) as error:
         raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text)}") from error
-    if not database.messages:
+    if not messages:
         raise DataError(f"{source}: holds no messages; name the DBC of the bus.")
-    named = _protocol(database)
-    return tuple(_message(message, named) for message in database.messages)
+    return messages
 
 
 def _refusal(reason: str, text: str) -> str:
@@ -339,8 +340,8 @@ def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
         motorola,
         bool(signal.is_signed) and not signal.is_float,
         bool(signal.is_float),
-        _as_float(signal.scale),
-        _as_float(signal.offset),
+        float(signal.scale),
+        float(signal.offset),
         signal.unit or "",
         signal.comment or "",
         _no_value(signal, j1939),
@@ -370,7 +371,7 @@ def _no_value(signal: CantoolsSignal, j1939: bool) -> tuple[tuple[int, int], ...
     unsigned = not (signal.is_signed or signal.is_float)
     above = coded and first is not None and _is_outside(signal, first) and _is_outside(signal, ones)
     full, slack = _FULL.get(unit_spelled(signal.unit) or "", (math.inf, 0.0))
-    highest = _as_float(signal.scale) * ones + _as_float(signal.offset)
+    highest = float(signal.scale) * ones + float(signal.offset)
     none = {raw & ones for raw, text in (signal.choices or {}).items() if means_no_value(str(text))}
     none = none if signal.length >= _NUMBERS else set()
     if coded and signal.is_signed and not signal.is_float:
@@ -392,12 +393,5 @@ def _is_outside(signal: CantoolsSignal, raw: int) -> bool:
     span = _range(signal)
     if span is None:
         return False
-    value, step = _as_float(signal.scale) * raw + _as_float(signal.offset), abs(_as_float(signal.scale))
+    value, step = float(signal.scale) * raw + float(signal.offset), abs(float(signal.scale))
     return value > span[1] + step / 2 or value < span[0] - step / 2
-
-
-def _as_float(number: float) -> float:
-    try:
-        return float(number)
-    except OverflowError:
-        return float("inf") if number > 0 else float("-inf")
