@@ -180,8 +180,8 @@ def test_umlauts_are_read_from_either_encoding(tmp_path):
         ("", "holds no messages"),
         ("time [s],position [m]\n0,1\n", "line 1, column 1"),
         (MUXED.replace("8-15", "8-4294967295"), "line 22: more than 65,536"),
-        ('<!DOCTYPE x [<!ENTITY a "b">]><NetworkDefinition>&a;</NetworkDefinition>', "declares XML entities"),
-        ("FormatVersion=5.0 // x\n", "cannot be read as SYM .*Only SYM version 6.0"),
+        ('<?xml version="1.0"?><NetworkDefinition/>', "is ARXML, KCD or SYM; make a DBC of it: cantools convert FILE"),
+        ("// x\n\nFormatVersion=6.0 // x\n", "is ARXML, KCD or SYM; make a DBC of it"),
     ],
 )
 def test_what_is_no_dbc_is_refused_in_one_sentence_that_names_file_and_line(tmp_path, text, where):
@@ -212,10 +212,10 @@ def values_of(page, payload):
 
 
 @pytest.mark.slow
-def test_databases_of_all_formats_decode_as_cantools_does(data):
-    counts = dict.fromkeys((".dbc", ".kcd", ".sym", ".arxml"), 0)
+def test_databases_decode_as_cantools_does(data):
+    count = 0
     dice = random.Random(1)
-    for path in sorted(data("foreign_files/dbc").iterdir()):
+    for path in sorted(data("foreign_files/dbc").glob("*.dbc")):
         with contextlib.suppress(DataError):
             messages = read_dbc(path)
             theirs = cantools.database.load_file(path, strict=False).messages
@@ -225,13 +225,13 @@ def test_databases_of_all_formats_decode_as_cantools_does(data):
                     expected = message.decode(payload, decode_choices=False)
                     values = {name: value for page in ours.groups for name, value in values_of(page, payload).items()}
                     signals = [signal for page in ours.groups for signal in page.signals]
-                    coded = {signal.name: signal.codes is not None or bool(signal.none) for signal in signals}
+                    coded = {signal.name: bool(signal.none) for signal in signals}
                     for name, value in values.items():
                         missing = math.isnan(value) and (ours.j1939 or coded[name])
                         same = value == pytest.approx(expected[name], rel=1e-9, nan_ok=True)
                         assert missing or same, (path, name)
-                        counts[path.suffix.lower()] += 1
-    assert all(count > 10 for count in counts.values()), counts
+                        count += 1
+    assert count > 500
 
 
 @pytest.mark.parametrize(

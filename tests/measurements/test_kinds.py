@@ -19,10 +19,10 @@ CASES = case_tables(__file__, "test_kinds")
 DBC = 'VERSION "1.0"\n\nNS_ :\n\nBU_: ECU\nBO_ 256 Clutch: 8 ECU\n SG_ Pos : 0|16@1+ (0.01,0) [0|100] "mm" ECU\n'
 FOREIGN = {
     "lfs.mf4": (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\n", "Git LFS pointer.*git lfs pull"),
-    "bus.dbc": (DBC.encode(), "DBC database; name the recording of the bus, and give this file with --dbc"),
+    "bus.dbc": (DBC.encode(), "DBC database; name the recording of the bus, and give its DBC with --dbc"),
     "remarks.dbc": (b"// made by hand\n" + DBC.partition("\n")[2].encode(), "DBC database.*--dbc"),
-    "bus.arxml": (b'<?xml version="1.0"?>\n<AUTOSAR xmlns="http://autosar.org/4.0">', "ARXML database.*--dbc"),
-    "bus.kcd": (b'<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">', "KCD database.*--dbc"),
+    "bus.arxml": (b'<?xml version="1.0"?>\n<AUTOSAR xmlns="http://autosar.org/4.0">', "ARXML or KCD database.*--dbc"),
+    "bus.kcd": (b'<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">', "ARXML or KCD database.*--dbc"),
     "bus.sym": (b'FormatVersion=6.0 // Do not edit this line!\nTitle="bus"\n', "SYM database.*--dbc"),
     "page.csv": (b"<!DOCTYPE html>\n<html><head>", "web page.*download"),
     "any.xml": (b'<?xml version="1.0"?><measurement>', "XML file.*export"),
@@ -63,7 +63,6 @@ def tape() -> bytes:
 FOREIGN |= {
     "logs.zip": (archive("run.mf4", "other.mf4"), r"ZIP archive \(of 'run.mf4' and 1 more\); unpack"),
     "sheet.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), "Excel workbook; save the sheet as CSV"),
-    "arrays.npz": (archive("time.npy"), "archive of NumPy arrays"),
     "cut.zip": (archive("run.mf4")[:40], "damaged ZIP archive"),
     "logs.tar": (tape(), "tar archive; unpack"),
     "logs.tar.gz": (gzip.compress(tape()), "tar archive; unpack"),

@@ -54,18 +54,13 @@ def texts(*items):
     return cells(*(np.array([item]) for item in items))
 
 
-def duration(seconds):
-    return made("duration", millis=column(seconds) * 1000, fmt=np.array(["s"]))
+def frame(kind, **columns):
+    """A table or timetable of columns, whose rows are 1 ms apart, as mat-io writes it: its properties."""
+    import pandas as pd
+    from matio.utils.converters import mattables
 
-
-def timetable(times, **columns):
-    row = np.empty(
-        (1, 1), dtype=[(name, "O") for name in ("data", "dimNames", "varNames", "varUnits", "numRows", "rowTimes")]
-    )
-    data = cells(*map(column, columns.values()))
-    units = texts(*["mm"] * len(columns))
-    row[0, 0] = (data, texts("Time", "Variables"), texts(*columns), units, column([N]), times)
-    return made("timetable", any=row)
+    times = {"index": pd.to_timedelta(T, unit="s").rename("Time")} if kind == "timetable" else {}
+    return getattr(mattables, f"{kind}_to_mat")(pd.DataFrame(columns, **times))
 
 
 def read(source):
@@ -78,7 +73,9 @@ def read(source):
 def test_a_timetable_is_a_struct_of_its_columns_and_times(saved, version):
     if version == "v7.3":
         pytest.importorskip("h5py", reason="h5py is needed, of the extra 'mat'.")
-    source = saved(version, rec=timetable(duration(T), stroke=Y, pressure=-Y), z=column(Y))
+    properties = frame("timetable", stroke=Y, pressure=-Y)
+    properties["any"]["varUnits"][0, 0] = texts("mm", "mm")
+    source = saved(version, rec=made("timetable", **properties), z=column(Y))
     assert (source.problems, source.warnings) == ((), ())
     named, plain = read(source)
     units = {name: unit for name, (unit, _) in named.items()}
@@ -92,8 +89,11 @@ def test_a_timetable_is_a_struct_of_its_columns_and_times(saved, version):
 @pytest.mark.parametrize("by_rate", [True, False])
 def test_a_timetable_with_a_sample_rate_counts_from_zero(saved, by_rate):
     regular = np.empty((1, 1), dtype=[(name, "O") for name in ("origin", "specifiedAsRate", "stepSize", "sampleRate")])
-    regular[0, 0] = (duration([0]), np.array([[by_rate]]), duration([1e-3]), column([1000.0 if by_rate else np.nan]))
-    (named,) = read(saved(rec=timetable(regular, stroke=Y)))
+    zero, step = np.array([[0], [1]], "m8[ms]")
+    regular[0, 0] = (zero[:, None], np.array([[by_rate]]), step[:, None], column([1000.0 if by_rate else np.nan]))
+    properties = frame("timetable", stroke=Y)
+    properties["any"]["rowTimes"][0, 0] = regular
+    (named,) = read(saved(rec=made("timetable", **properties)))
     np.testing.assert_allclose(named["rec.Time"][1], T, rtol=1e-15)
 
 
@@ -106,10 +106,9 @@ def test_dates_are_seconds_from_the_first(saved):
 
 
 def test_a_table_is_a_struct_with_its_units(saved):
-    props = np.empty((1, 1), dtype=[("VariableUnits", "O")])
-    props[0, 0] = (texts("s", "bar"),)
-    table = made("table", data=cells(column(T), column(Y)), varnames=texts("t", "p"), props=props)
-    source = saved(rec=table)
+    properties = frame("table", t=T, p=Y)
+    properties["props"]["VariableUnits"][0, 0] = texts("s", "bar")
+    source = saved(rec=made("table", **properties))
     (named,) = read(source)
     assert {name: unit for name, (unit, _) in named.items()} == {"rec.t": "s", "rec.p": "bar"}
     assert source.rasters[0].clock == 0
@@ -125,6 +124,17 @@ def test_a_timeseries_is_a_struct_of_time_and_data(saved, regular):
     assert {name: unit for name, (unit, _) in named.items()} == {"ts.time": "s", "ts.data": "mm"}
     np.testing.assert_allclose(named["ts.time"][1], T + 0.5 * regular, rtol=1e-15)
     np.testing.assert_array_equal(named["ts.data"][1], Y)
+
+
+def test_timeseries_count_from_the_first_start_date(saved):
+    def series(date):
+        about = made("tsdata.timemetadata", Units=np.array(["seconds"]), StartDate=np.array([date]))
+        info = made("tsdata.datametadata", Units=np.array(["mm"]))
+        return made("timeseries", Data_=column(Y), Time_=column(T), TimeInfo=about, DataInfo=info)
+
+    first, second = read(saved(a=series("01-May-2024 12:00:01"), b=series("01-May-2024 12:00:00")))
+    np.testing.assert_allclose(first["a.time"][1], 1 + T, atol=1e-9)
+    np.testing.assert_allclose(second["b.time"][1], T, atol=1e-9)
 
 
 def test_a_string_is_a_text_such_as_a_unit(saved):
@@ -145,12 +155,11 @@ def test_an_object_of_another_class_is_told_with_what_to_do(saved):
 
 @pytest.mark.parametrize("version", ["v7", "v7.3"])
 def test_without_mat_io_objects_are_told_with_what_to_do(saved, monkeypatch, version):
-    path = saved(version, y=column(Y), rec=timetable(duration(T), stroke=Y), d=duration(T)).path
+    path = saved(version, y=column(Y), rec=made("timetable", **frame("timetable", stroke=Y))).path
     monkeypatch.setitem(sys.modules, "matio", None)
     source = mat_file.open_file(path)
     assert [list(named) for named in read(source)] == [["y"]]
-    assert "'rec' (timetable)" in source.warnings[0]
-    assert "'d' (duration)" in source.warnings[0]
+    assert "'rec' (timetable); in MATLAB, copy the numbers in them to a struct s; save" in source.warnings[0]
 
 
 @pytest.mark.parametrize(

@@ -175,16 +175,15 @@ def test_columns_without_numbers_are_named_with_what_they_hold_and_not_loaded(tm
     held = (("note", "text"), ("raw", "bytes"), ("pair", "lists"), ("rec", "structures"), ("day", "dates"))
     assert raster.others == held
     assert source.warnings == (
-        "left out columns without numbers (5): 'note' (text), 'raw' (bytes), 'pair' (lists) and 2 more.",
+        "left out channels without numbers (5): 'note' (text), 'raw' (bytes), 'pair' (lists) and 2 more.",
     )
     np.testing.assert_array_equal(columns, [[1, 2]])
 
 
 def test_a_file_without_numbers_says_what_it_holds(parquet):
-    (problem,) = parquet_file.open_file(parquet({"note": ["a"], "raw": [b"b"]})).problems
-    assert problem == (
-        "holds no column of numbers, only others (2): 'note' (text), 'raw' (bytes); write the channels as Float64."
-    )
+    source = parquet_file.open_file(parquet({"note": ["a"], "raw": [b"b"]}))
+    assert source.problems == ("holds no column of numbers; write the channels as Float64.",)
+    assert source.warnings == ("left out channels without numbers (2): 'note' (text), 'raw' (bytes).",)
 
 
 def test_damaged_pages_of_a_text_column_do_not_matter(data):

@@ -85,9 +85,7 @@ def test_bytes_that_are_no_text(save, content):
 def test_text_in_windows_1252_below_the_samples(recording, save, tail):
     log = cio.read(save(recording(3).encode() + tail))
     assert len(log) == 3
-    assert log.warnings == (
-        "line 5 holds no sample: it repeats the names, is a remark, or was not written to the end.",
-    )
+    assert log.warnings == ("left out line 5: the names again, a remark, or not written to the end.",)
 
 
 NOT_SAMPLES = {
@@ -110,16 +108,14 @@ def test_a_line_that_holds_no_sample_is_left_out_and_said(recording, save, monke
     log, whole = cio.read(save(text)), cio.read(save(recording(9), "whole.csv"))
     assert np.array_equal(log.time, whole.time)
     assert np.array_equal(log["position"], whole["position"])
-    assert log.warnings == (
-        "line 6 holds no sample: it repeats the names, is a remark, or was not written to the end.",
-    )
+    assert log.warnings == ("left out line 6: the names again, a remark, or not written to the end.",)
 
 
 @pytest.mark.parametrize("tail", ["0.009,0.0", "0.009,0.009,0.5,", "\0" * 5000, "0.009,0.0" + "\0" * 5000])
 def test_a_last_line_that_was_not_written_to_its_end_is_left_out(recording, save, tail):
     log = cio.read(save(recording(9) + tail))
     assert len(log) == 9
-    assert "line 11 holds no sample" in log.warnings[0]
+    assert "left out line 11" in log.warnings[0]
     with pytest.raises(DataError, match="line 11 has "):  # it was written to its end
         cio.read(save(recording(9) + "0.009,0.0\n", "ended.csv"))
 

@@ -37,7 +37,7 @@ _BEGINNING = 3
 _UNITS_ANY_CASE = frozenset(unit.casefold() for unit in UNITS)
 
 #: Number of columns that a message lists before it counts the rest, and longest name in it.
-_SHOWN_COLUMNS, _SHOWN_LENGTH = 12, 80
+_SHOWN_COLUMNS, _SHOWN_LENGTH, _SHOWN_OTHERS = 12, 80, 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +211,18 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
         return []
     subject = f"column {_some(unknown)} is" if len(unknown) == 1 else f"columns {_some(unknown)} are"
     return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
+
+
+def without_numbers(others: Sequence[tuple[str, str]]) -> list[str]:
+    """Warning about channels without numbers, if there are any: their names, and what they hold.
+
+    Examples
+    --------
+    >>> without_numbers([("Gear", "text")])
+    ["left out channels without numbers (1): 'Gear' (text)."]
+    """
+    shown = listed((f"'{shortened(name)}' ({what})" for name, what in others), _SHOWN_OTHERS)
+    return [f"left out channels without numbers ({len(others)}): {shown}."] if others else []
 
 
 def is_unit_of(name: str, unit: str | None) -> bool:

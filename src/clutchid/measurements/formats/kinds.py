@@ -12,6 +12,7 @@ from typing import Any
 from clutchid.errors import DataError
 from clutchid.files import reading
 from clutchid.measurements.suffixes import FORMATS, Format, split_name
+from clutchid.messages import listed
 
 #: Bytes at the start of a file that determine its kind.
 ENOUGH = 1 << 14
@@ -27,7 +28,7 @@ _NUMBERS = re.compile(rb'(?m)(^|[;,\t| "])' + _NUMBER + rb'"? *[;,\t| ] *"?' + _
 
 _UNPACK = "unpack it, and name the recording in it"
 _JSON = "a JSON file"
-_DATABASE = "name the recording of the bus, and give this file with --dbc"
+_DATABASE = "name the recording of the bus, and give its DBC with --dbc"
 _EXPORT = "export the channels as CSV, Parquet or MDF"
 _FRAMES = "convert it to BLF or ASC with the tool that wrote it, or record with `candump -L`"
 
@@ -48,9 +49,6 @@ _FOREIGN = (
     ),
     (b"\x93NUMPY", "a NumPy array", "write its columns as CSV with a header such as time [s],position [m]"),
     (b"ARROW1", "an Arrow (Feather) file", "write it as Parquet"),
-    (b"%PDF", "a PDF document", "name the recording itself"),
-    (b"\x89PNG", "a picture", "name the recording itself"),
-    (b"\xff\xd8\xff", "a picture", "name the recording itself"),
     *(
         (mark, "a capture of Wireshark or tcpdump", "write the frames as text with `candump -L`, or as BLF")
         for mark in (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\x0a\x0d\x0d\x0a")
@@ -64,8 +62,8 @@ _FOREIGN = (
 _TEXTS = (
     (r"version https://git-lfs\.github\.com/spec/", "a Git LFS pointer, which stands for a file that was not fetched",
      "fetch the file with `git lfs pull`"),
-    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?AUTOSAR\b", "an ARXML database", _DATABASE),
-    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?NetworkDefinition\b", "a KCD database", _DATABASE),
+    (r"(?s)\s*(<\?xml.{0,2000}?|<!--.{0,2000}?)?<(\w+:)?(AUTOSAR|NetworkDefinition)\b", "an ARXML or KCD database",
+     _DATABASE),
     (r"(?s)\s*(<\?xml.{0,2000}?)?<(!DOCTYPE\s+)?html\b", "a web page", "download the recording itself"),
     (r"\s*<\?xml\b|\s*<(\w+:)?FIBEX\b", "an XML file", _EXPORT),
     (r"(?s)\s*(//[^\n]*\n\s*)*(FormatVersion\s*=|Title\s*=).*?(\{(ENUMS|SEND\w*|RECEIVE|SIGNALS)\}|Title\s*=)",
@@ -217,9 +215,5 @@ def _zip_refusal(path: Path) -> str:
         return "is a damaged ZIP archive; copy it again and unpack it."
     if any(name.startswith("xl/") for name in names):
         return "is an Excel workbook; save the sheet as CSV UTF-8."
-    if any(name.startswith("word/") for name in names):
-        return "is a Word document; name the recording itself."
-    if names and all(name.endswith(".npy") for name in names):
-        return "is an archive of NumPy arrays; write them as columns of a CSV or Parquet file."
-    shown = f"'{names[0][:60]}'" if names else "nothing"
-    return f"is a ZIP archive (of {shown}{f' and {len(names) - 1} more' if len(names) > 1 else ''}); {_UNPACK}."
+    shown = listed([f"'{name[:60]}'" for name in names], 1)
+    return f"is a ZIP archive (of {shown or 'nothing'}); {_UNPACK}."

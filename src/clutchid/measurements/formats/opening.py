@@ -9,7 +9,6 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from clutchid.errors import DataError
@@ -62,14 +61,21 @@ def _opened(file: Path, dbc: Sequence[Path], kind: str) -> Source:
 def _unpacked(file: Path, dbc: Sequence[Path]) -> Source:
     """The recording in a gzip file, unpacked to a temporary file that is deleted with its reader."""
     folder = tempfile.TemporaryDirectory(prefix="clutchid-")
-    inner = Path(folder.name) / (file.stem if file.suffix.lower() in PACKED else file.name)
+    name = file.stem if file.suffix.lower() in PACKED else file.name
+    inner = Path(folder.name, name)
     with _named(file, inner):
         _unpack(file, inner)
         kind = readable_kind(inner)
         if kind == "gzip":
             raise DataError(f"{file}: is packed twice; unpack it once.")
         source = opened_here(inner, dbc, kind)
-    return replace(source, path=file, tables=partial(_tables, file, folder, source))
+
+    def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
+        """Tables of the unpacked file, see `Tables`; its folder is deleted with this function."""
+        with _named(file, Path(folder.name, name)):
+            yield from source.tables(raster, columns, rows)
+
+    return replace(source, path=file, tables=tables)
 
 
 @contextmanager
@@ -93,16 +99,3 @@ def _unpack(file: Path, to: Path) -> None:
                 plain.write(chunk)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
-
-
-def _tables(
-    file: Path,
-    _folder: tempfile.TemporaryDirectory[str],
-    source: Source,
-    raster: int,
-    columns: Sequence[int],
-    rows: int | None = None,
-) -> Iterator[Table]:
-    """Tables of the unpacked file `source`, see `Tables`; its folder is deleted with this function."""
-    with _named(file, source.path):
-        yield from source.tables(raster, columns, rows)

@@ -1,4 +1,4 @@
-"""DBC, KCD, SYM and ARXML: the meaning of frames, read by cantools, and signals unpacked in bulk.
+"""DBC: the meaning of frames, read by cantools, and signals unpacked in bulk.
 
 cantools decodes one message in about 2 µs, so it reads the database only; `decode` unpacks the frames.
 """
@@ -40,8 +40,8 @@ class Signal:
     """A number in the payload of a frame: ``scale * raw + offset`` of `length` bits.
 
     `begin` is the number of its first bit: in the order of Intel its lowest, where bit 0 is the lowest bit of byte 0;
-    in the order of Motorola its highest, where bit 0 is the highest bit of byte 0. `codes` is the first raw number from
-    which on all mean an error or "not available" (None: there is none), `none` are others that mean it.
+    in the order of Motorola its highest, where bit 0 is the highest bit of byte 0. `none` are raw
+    numbers that mean an error or "not available", the first and the last of each range.
     """
 
     name: str
@@ -54,8 +54,7 @@ class Signal:
     offset: float = 0.0
     unit: str = ""
     comment: str = ""
-    codes: int | None = None
-    none: frozenset[int] = frozenset()
+    none: tuple[tuple[int, int], ...] = ()
 
     @property
     def bytes(self) -> int:
@@ -128,7 +127,7 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
     --------
     Engine speed in bytes 4 and 5, an eighth of a revolution per minute a bit; the second frame has none:
 
-    >>> speed = Signal("EngineSpeed", 24, 16, scale=0.125, unit="rpm", codes=0xFE00)
+    >>> speed = Signal("EngineSpeed", 24, 16, scale=0.125, unit="rpm", none=((0xFE00, 0xFFFF),))
     >>> frames = np.array([[0, 0, 0, 0x20, 0x1C, 0, 0, 0], [0, 0, 0, 0xFF, 0xFF, 0, 0, 0]], dtype=np.uint8)
     >>> decode(speed, frames, np.array([8, 8]))
     array([900.,  nan])
@@ -141,10 +140,8 @@ def decode(signal: Signal, data: Bytes, length: Counts) -> FloatArray:
         with np.errstate(over="ignore", invalid="ignore"):
             values = values * signal.scale + signal.offset
     missing = length < signal.bytes
-    if signal.codes is not None:
-        missing |= raw >= np.uint64(signal.codes)
-    for code in signal.none:
-        missing |= raw == np.uint64(code)
+    for first, last in signal.none:
+        missing |= (raw >= np.uint64(first)) & (raw <= np.uint64(last))
     values[missing] = np.nan
     return values
 
@@ -185,11 +182,8 @@ _PROTOCOLS = ("J1939", "NMEA2000", "ISO11783")
 #: A statement behind the text: cantools says nothing where a text ends in the middle of another one.
 _END = '\nCM_ "end";\n'
 
-#: The element that an ARXML or a KCD file begins with.
-_ROOT = re.compile(r"<(AUTOSAR|NetworkDefinition)\b")
-
-#: The first statement of a SYM file, and where it stands at the latest.
-_SYM, _HEAD = re.compile(r"^FormatVersion=", re.MULTILINE), 4096
+#: How an ARXML or a KCD file begins, or a SYM file after its remarks.
+_OTHER = re.compile(r"\s*<|\s*(?://.*\s+)*FormatVersion=")
 
 #: A start bit beyond this lies in no message; J1939 sends at most 1785 bytes in pieces.
 _LAST_BIT = 1 << 14
@@ -209,7 +203,7 @@ class Message:
 
 
 def read_dbc(path: Path) -> tuple[Message, ...]:
-    """The messages of a DBC, KCD, SYM or ARXML file.
+    """The messages of a DBC file.
 
     Raises
     ------
@@ -227,7 +221,7 @@ def read_dbc(path: Path) -> tuple[Message, ...]:
 
 
 def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
-    """The messages of the text of a database that is called `source` in errors; its content tells its format.
+    """The messages of the text of a database that is called `source` in errors.
 
     Raises
     ------
@@ -240,37 +234,25 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
         from cantools.database import load_string
     except ImportError as error:
         raise missing("reading a DBC", "cantools", "can") from error
-    kind = _kind(text)
-    if problem := _too_many_selectors(text) if kind == "DBC" else _entities(text):
+    other = "is ARXML, KCD or SYM; make a DBC of it: cantools convert FILE bus.dbc." if _OTHER.match(text) else ""
+    if problem := other or _too_many_selectors(text):
         raise DataError(f"{source}: {problem}")
     try:
         with quiet("cantools.database.can.database"):
-            database: Any = load_string(text + _END if kind == "DBC" else text, kind.lower(), strict=False)
+            database: Any = load_string(text + _END, "dbc", strict=False)
+        named = _protocol(database)
+        messages = tuple(_message(message, named) for message in database.messages)
     except (Exception, RecursionError) as error:
-        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text, kind)}") from error
-    if not database.messages:
+        raise DataError(f"{source}: {_refusal(str(error) or type(error).__name__, text)}") from error
+    if not messages:
         raise DataError(f"{source}: holds no messages; name the DBC of the bus.")
-    named = _protocol(database)
-    return tuple(_message(message, named) for message in database.messages)
+    return messages
 
 
-def _kind(text: str) -> str:
-    """The format of a database; DBC where it looks like none of the others."""
-    if _SYM.search(text[:_HEAD]):
-        return "SYM"
-    root = _ROOT.search(text) if text.lstrip().startswith("<") else None
-    return {"AUTOSAR": "ARXML", "NetworkDefinition": "KCD"}[root[1]] if root else "DBC"
-
-
-def _entities(text: str) -> str:
-    """Problem of an XML text that declares entities, which could unfold to gigabytes."""
-    return "declares XML entities, which no bus database needs; export it again." if "<!ENTITY" in text else ""
-
-
-def _refusal(reason: str, text: str, kind: str) -> str:
-    match = re.search(r"line (\d+), column (\d+)", reason) if kind == "DBC" else None
+def _refusal(reason: str, text: str) -> str:
+    match = re.search(r"line (\d+), column (\d+)", reason)
     if match is None:
-        return f"cannot be read as {kind} ({shortened(reason, 120)}); mend it, or export the {kind} again."
+        return f"cannot be read as DBC ({shortened(reason, 120)}); mend it, or export the DBC again."
     lines = len(text.rstrip().splitlines())
     if int(match[1]) > lines:
         return f"is cut off behind line {lines}; export the DBC again."
@@ -351,7 +333,6 @@ def _condition(signal: CantoolsSignal, by_name: dict[str, CantoolsSignal]) -> Co
 
 def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
     motorola = signal.byte_order == "big_endian"
-    codes, none = _no_value(signal, j1939)
     return Signal(
         signal.name,
         8 * (signal.start // 8) + 7 - signal.start % 8 if motorola else signal.start,
@@ -359,12 +340,11 @@ def _signal(signal: CantoolsSignal, j1939: bool) -> Signal:
         motorola,
         bool(signal.is_signed) and not signal.is_float,
         bool(signal.is_float),
-        _as_float(signal.scale),
-        _as_float(signal.offset),
+        float(signal.scale),
+        float(signal.offset),
         signal.unit or "",
         signal.comment or "",
-        codes,
-        none,
+        _no_value(signal, j1939),
     )
 
 
@@ -378,30 +358,28 @@ _NUMBERS = 4
 _FULL = {"%": (100.0, 1.0), "": (1.0, 0.01), "1": (1.0, 0.01)}
 
 
-def _no_value(signal: CantoolsSignal, j1939: bool) -> tuple[int | None, frozenset[int]]:
-    """The first raw number from which on all mean that there is no value, and others that mean it.
+def _no_value(signal: CantoolsSignal, j1939: bool) -> tuple[tuple[int, int], ...]:
+    """The ranges of raw numbers that mean that there is no value.
 
     The highest numbers are codes in J1939, and elsewhere where they lie outside the range, as SAE J1939-71 has them.
     Others are those that the value table says to be none, and the ends of the raw numbers where no value can be one:
     with a sign the highest and the lowest, else all ones, which without a range are none unless they are 100 %.
     """
     if signal.is_multiplexer:
-        return None, frozenset()
+        return ()
     ones, first, coded = (1 << signal.length) - 1, first_code(signal.length), signal.length in _CODED
     unsigned = not (signal.is_signed or signal.is_float)
     above = coded and first is not None and _is_outside(signal, first) and _is_outside(signal, ones)
-    none: set[int] = set()
-    if signal.length >= _NUMBERS:
-        none = {raw & ones for raw, text in (signal.choices or {}).items() if means_no_value(str(text))}
+    full, slack = _FULL.get(unit_spelled(signal.unit) or "", (math.inf, 0.0))
+    highest = float(signal.scale) * ones + float(signal.offset)
+    none = {raw & ones for raw, text in (signal.choices or {}).items() if means_no_value(str(text))}
+    none = none if signal.length >= _NUMBERS else set()
     if coded and signal.is_signed and not signal.is_float:
         none |= {raw & ones for raw in (ones >> 1, -1 - (ones >> 1)) if _is_outside(signal, raw)}
-    elif coded and unsigned and _range(signal):
-        none |= {ones} if _is_outside(signal, ones) else set()
-    elif coded and unsigned:
-        full, slack = _FULL.get(unit_spelled(signal.unit) or "", (math.inf, 0.0))
-        highest = _as_float(signal.scale) * ones + _as_float(signal.offset)
-        none |= set() if abs(highest - full) <= slack else {ones}
-    return first if unsigned and (j1939 or above) else None, frozenset(none)
+    elif coded and unsigned and (_is_outside(signal, ones) if _range(signal) else not abs(highest - full) <= slack):
+        none.add(ones)
+    codes = {(first, ones)} if unsigned and first is not None and (j1939 or above) else set()
+    return tuple(sorted(codes | {(raw, raw) for raw in none}))
 
 
 def _range(signal: CantoolsSignal) -> tuple[float, float] | None:
@@ -415,12 +393,5 @@ def _is_outside(signal: CantoolsSignal, raw: int) -> bool:
     span = _range(signal)
     if span is None:
         return False
-    value, step = _as_float(signal.scale) * raw + _as_float(signal.offset), abs(_as_float(signal.scale))
+    value, step = float(signal.scale) * raw + float(signal.offset), abs(float(signal.scale))
     return value > span[1] + step / 2 or value < span[0] - step / 2
-
-
-def _as_float(number: float) -> float:
-    try:
-        return float(number)
-    except OverflowError:
-        return float("inf") if number > 0 else float("-inf")

@@ -262,7 +262,7 @@ def _coded(
         return ""
     signal = stream.group.signals[column - 1]
     count = int(np.sum(np.isnan(numbers[column]) & (frames.length >= min(signal.bytes, 255))))
-    if not count or (signal.codes is None and not signal.none):
+    if not count or not signal.none:
         return ""
     verb = "frame says" if count == 1 else "frames say"
     return f"{signal.name}: {count:,} {verb} that there is no value (error, not available); these samples are missing."

@@ -17,9 +17,6 @@ from clutchid.measurements.formats.mdf.file import sample_blocks
 from clutchid.measurements.formats.mdf.numbers import converted
 from clutchid.measurements.formats.mdf.opening import BrokenMdf, opened
 
-#: How a file begins: MDF 4, finished or (a logger that lost its supply) not.
-_MAGIC = (b"MDF     4", b"UnFinMF 4")
-
 #: Payload bytes by data length code.
 _LENGTHS = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64], dtype=np.int64)
 
@@ -34,7 +31,7 @@ _WHOLE = float(1 << 62)
 
 
 def mdf_frames(path: Path) -> FrameLog | None:
-    """The CAN frames of an MDF 4 file; None where it has no groups for them, or cannot be read.
+    """The CAN frames of an MDF file; None where it has no groups for them, or cannot be read.
 
     Raises
     ------
@@ -43,9 +40,6 @@ def mdf_frames(path: Path) -> FrameLog | None:
     OSError
         If the file cannot be read.
     """
-    with path.open("rb") as file:
-        if not file.read(len(_MAGIC[0])).startswith(_MAGIC):
-            return None
     try:
         with opened(path) as mdf:
             return FrameLog("MF4", _start(mdf), lambda: _blocks(path)) if _groups(mdf) else None

@@ -53,10 +53,9 @@ _SECOND = 10**9
 
 @dataclass(frozen=True, slots=True)
 class CellForm:
-    """Form of a column's cells, ``number``, ``truth``, ``stamp`` or ``text``; decimal mark; first stamp in ns."""
+    """Form of a column's cells, ``number``, ``truth``, ``stamp`` or ``text``, and the first stamp in ns."""
 
     kind: str = "number"
-    decimal: str = "."
     origin: int = 0
 
 
@@ -174,25 +173,25 @@ def decimal_mark(cells: Iterable[str]) -> str:
     return "," if commas > points else "." if points else ""
 
 
-def form(cells: Sequence[str], decimal: str) -> CellForm:
+def form(cells: Sequence[str]) -> CellForm:
     """Form of a column, from some of its cells.
 
     Examples
     --------
-    >>> [form(cells, ".").kind for cells in (["off", "on"], ["", "1"], ["12:00:00.5"], ["low"])]
+    >>> [form(cells).kind for cells in (["off", "on"], ["", "1"], ["12:00:00.5"], ["low"])]
     ['truth', 'number', 'stamp', 'text']
     """
     filled = [cell.strip() for cell in cells if not is_missing(cell)]
     stamps = [stamp for cell in filled if (stamp := nanoseconds(cell)) is not None]
     if len(stamps) > len(filled) / 2:
-        return CellForm("stamp", decimal, stamps[0])
+        return CellForm("stamp", stamps[0])
     others = [cell for cell in filled if cell not in ("0", "1")]
     if others and all(cell.casefold() in TRUTH for cell in others):
-        return CellForm("truth", decimal)
-    return CellForm("number" if not filled or any(map(numberlike, filled)) else "text", decimal)
+        return CellForm("truth")
+    return CellForm("number" if not filled or any(map(numberlike, filled)) else "text")
 
 
-def numbers_of(cells: pl.Series, form: CellForm) -> tuple[FloatArray, Rows, int]:
+def numbers_of(cells: pl.Series, form: CellForm, decimal: str) -> tuple[FloatArray, Rows, int]:
     """Cells as numbers, NaN where there is none; the rows with cells that are invalid; how many say there is no value.
 
     Each word is interpreted once.
@@ -200,7 +199,7 @@ def numbers_of(cells: pl.Series, form: CellForm) -> tuple[FloatArray, Rows, int]
     import polars as pl
 
     cells = cells.str.strip_chars()
-    values = _stamps(cells, form) if form.kind == "stamp" else _plain(cells, form)
+    values = _stamps(cells, form) if form.kind == "stamp" else _plain(cells, decimal)
     words = cells.filter(values.is_null() & cells.is_not_null() & (cells != "")).unique().to_list()
     truth = TRUTH if form.kind == "truth" else {}
     none = [word for word in words if means_no_value(word) and not is_missing(word)]
@@ -212,12 +211,12 @@ def numbers_of(cells: pl.Series, form: CellForm) -> tuple[FloatArray, Rows, int]
     return values.to_numpy(), invalid.to_numpy().astype(np.int64), int(cells.is_in(none).sum()) if none else 0
 
 
-def _plain(cells: pl.Series, form: CellForm) -> pl.Series:
+def _plain(cells: pl.Series, decimal: str) -> pl.Series:
     """Numbers, null if invalid."""
     import polars as pl
 
     cells = cells.str.strip_suffix(" sec")
-    if form.decimal == ",":
+    if decimal == ",":
         cells = cells.set(cells.str.contains(".", literal=True).fill_null(value=False), None)
         cells = cells.str.replace_all(",", ".", literal=True)
     return cells.cast(pl.Float64, strict=False)

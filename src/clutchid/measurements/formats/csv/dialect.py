@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,13 +26,12 @@ from clutchid.measurements.formats.csv.cells import (
     written,
 )
 from clutchid.measurements.formats.csv.header import heading, is_comment, role, split_header, uncommented, units_in
-from clutchid.messages import shortened
 
 _SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "blanks"}
 
 #: Lines that are split, that are scored, in which standard names are looked for, above the samples and below the names
-#: in which something may be said of the columns; pairs of names and values that are kept.
-_SPLIT, _SCORED, _TOP, _ABOVE, _BELOW, _KEPT = 1000, 200, 60, 12, 4, 50
+#: in which something may be said of the columns.
+_SPLIT, _SCORED, _TOP, _ABOVE, _BELOW = 1000, 200, 60, 12, 4
 
 #: Largest number of lines of a record above the samples; a quote beyond them is a character. The end of a line is in a
 #: quoted cell that is not closed there; a quote inside a cell is written twice.
@@ -59,7 +58,7 @@ class Dialect:
     `separator` is a blank for runs of blanks; `decimal` is empty if it is ambiguous; `problems` say what must be
     written otherwise. `header`, `units` (0: there is none) and `samples` are numbers of lines, `above` the texts of the
     first two. `clock` is the time column, `start` its first stamp if that is a date or time; `even` are start and step
-    in s of a time that only the header has; `about` is metadata above the header.
+    in s of a time that only the header has.
     """
 
     separator: str
@@ -73,7 +72,6 @@ class Dialect:
     clock: int | None = None
     start: str = ""
     even: tuple[float, float] | None = None
-    about: Mapping[str, str] = field(default_factory=dict)
     problems: tuple[str, ...] = ()
 
     @property
@@ -83,10 +81,6 @@ class Dialect:
         units = f", units on line {self.units}" if self.units else ""
         mark = {".": "decimal point", ",": "decimal comma", "": "whole numbers"}[self.decimal]
         return f"{_SEPARATORS[self.separator]}, {mark}, {names}{units}, samples from line {self.samples}"
-
-    def with_decimal(self, mark: str) -> Dialect:
-        """A copy with another decimal mark."""
-        return replace(self, decimal=mark, forms=tuple(replace(form, decimal=mark) for form in self.forms))
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,10 +228,8 @@ def _with_header(
         if not remark or at == samples - 1:
             said[role_of] = at, cells + [""] * len(lacking) * (empty or role_of != "names")
     candidate = _Candidate(separator, rows, width, samples, said)
-    at, names = candidate.names
-    if len(names) == width + 1 and not names[-1].strip() and at >= 0:
-        said["names"] = at, names[:-1]
-    first = max([line for line, _ in said.values()], default=-1) + 1 if at >= 0 else samples
+    named = candidate.names[0] >= 0
+    first = max([line for line, _ in said.values()], default=-1) + 1 if named else samples
     while first < samples and (is_comment(filled[first][1], separator) or _is_label(rows[first][0])):
         first += 1
     return replace(candidate, samples=first)
@@ -255,7 +247,7 @@ def _described(filled: Lines, candidate: _Candidate) -> Dialect:
     shown = (*rows[: _SCORED // 2], *rows[_SCORED // 2 :][-_SCORED // 2 :])
     decimal = decimal_mark(cell for row in shown for cell in row)
     columns = [[row[index] for row in shown] for index in range(width)]
-    forms = tuple(form(column, decimal) for column in columns)
+    forms = tuple(map(form, columns))
     units_at, row_of_units = said.get("units", (-1, []))
     units = [*(units_in(row_of_units) or []), *[""] * width][:width]
     named = [_named(*column) for column in zip(range(width), names, units, columns, forms, strict=True)]
@@ -282,7 +274,6 @@ def _described(filled: Lines, candidate: _Candidate) -> Dialect:
         clock,
         next((written(cell) for cell in texts if nanoseconds(cell) is not None), ""),
         (even[0], even[1]) if is_even and np.isfinite(even).all() else None,
-        _about(filled[: max(header, 0)], candidate.separator),
         tuple(_doubts(whole, forms, units, [[row[index].strip() for row in rows] for index in range(width)], decimal)),
     )
 
@@ -303,18 +294,6 @@ def _common(cells: Sequence[str], decimal: str) -> float:
     """The number that all cells of a row have, NaN where they differ."""
     numbers = {plain_number(cell.strip().replace(decimal or ".", ".")) for cell in cells if cell.strip()}
     return numbers.pop() or 0.0 if len(numbers) == 1 and None not in numbers else math.nan
-
-
-def _about(above: Lines, separator: str) -> dict[str, str]:
-    """Names and values above the header."""
-    about: dict[str, str] = {}
-    for _, line in above:
-        text = uncommented(line) if is_comment(line, separator) else line
-        cells = [cell.strip() for cell in split(text, separator) if cell.strip()]
-        pair = re.split(r"\s*[:=]\s*", cells[0], maxsplit=1) if len(cells) == 1 else cells
-        if len(pair) == 2 and all(pair) and len(about) < _KEPT:
-            about.setdefault(shortened(pair[0]), shortened(pair[1], 200))
-    return about
 
 
 def _doubts(

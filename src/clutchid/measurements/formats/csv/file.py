@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from clutchid.log import Log
+from clutchid.measurements.formats.csv.cells import decimal_mark
 from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.rows import TextReading
 from clutchid.measurements.formats.csv.text import ENCODINGS, TextFile, text_file
@@ -20,15 +22,9 @@ _SMALL = 8e6
 _HEAD, _HEAD_BYTES, _WIDEST = 2000, 1 << 20, 10_000
 
 _NOT_TEXT = "is not UTF-8, UTF-16 or Windows-1252 text; save it as 'CSV UTF-8', or as Parquet."
-_LONG = (
-    f"line 1 is longer than {_HEAD_BYTES:,} bytes, so this is not a table; save the recording as CSV with line breaks."
-)
 
-#: Cells with an unambiguous decimal mark, in any line.
-_UNAMBIGUOUS = (
-    rb"(?:^|[;|\t \"])[+-]?(?:(?P<point>\d*\.\d+)|0\d*,\d+|\d*,\d{1,2}|\d*,\d{4,}|\d{4,},\d+|\d*,\d+(?=[eE]))"
-    rb"(?:[eE][+-]?\d+)?(?=$|[;|\t \"])"
-)
+#: Cells with a point or a comma, in any line.
+_MARKED = re.compile(r'[^;|\t "\n]*[.,][^;|\t "\n]*')
 
 
 def open_file(path: Path) -> Source:
@@ -57,8 +53,6 @@ def open_file(path: Path) -> Source:
     if text is None:
         return refused(path, "CSV", _NOT_TEXT)
     lines = text.head(_HEAD, _HEAD_BYTES)
-    if len(lines[0]) > _HEAD_BYTES:
-        return refused(path, "CSV", _LONG)
     wide = (n for n, line in enumerate(lines, 1) if len(line) > _WIDEST and max(map(line.count, ",;\t| ")) >= _WIDEST)
     if number := next(wide, 0):
         cells = f"line {number} has more than {_WIDEST:,} cells"
@@ -67,17 +61,15 @@ def open_file(path: Path) -> Source:
     if notation is None:
         return refused(path, "CSV", f"the file {'has no table' if text.last else 'is empty'}; {EXAMPLE}")
     notation = _with_decimal_mark(text, notation)
-    metadata = {**notation.about, "dialect": f"{ENCODINGS[text.encoding]}, {notation.text}"}
+    metadata = {"dialect": f"{ENCODINGS[text.encoding]}, {notation.text}"}
     if notation.start:
         metadata["start"] = notation.start
     unnamed = "" if notation.header else f"line {notation.samples}: the first line contains numbers; {EXAMPLE}"
     texts = [heading.text for heading in notation.headings if notation.forms[heading.index].kind == "text"]
     others = tuple((text, "text") for text in texts if text)
     raster = Raster(notation.headings, max(0, text.last - notation.samples + 1), clock=notation.clock, others=others)
-    both = not notation.header and (notation.separator, len(notation.headings), notation.decimal) == (",", 2, "")
-    doubt = "two columns of integers without names were found; this may also be one column with a decimal comma."
     tables = partial(_tables, text, notation)
-    return Source(path, "CSV", (raster,), tables, notation.problems, (doubt,) * both, metadata, unnamed)
+    return Source(path, "CSV", (raster,), tables, notation.problems, (), metadata, unnamed)
 
 
 def save(log: Log, path: Path) -> None:
@@ -99,8 +91,9 @@ def _with_decimal_mark(text: TextFile, notation: Dialect) -> Dialect:
     if notation.decimal or notation.separator == ",":
         return notation
     for block in text.blocks(notation.samples, BLOCK):
-        if (b"," in block.text or b"." in block.text) and (match := re.search(_UNAMBIGUOUS, block.text, re.MULTILINE)):
-            return notation.with_decimal("." if match["point"] else ",")
+        marked = b"," in block.text or b"." in block.text
+        if marked and (mark := decimal_mark(_MARKED.findall(block.text.decode("utf-8", "replace")))):
+            return replace(notation, decimal=mark)
     return notation
 
 

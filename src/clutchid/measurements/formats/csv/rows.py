@@ -20,9 +20,7 @@ from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.formats.csv.cells import (
     AMBIGUOUS,
-    NUMBER,
     STAMPS_SHOWN,
-    THOUSANDS,
     is_words,
     numbers_of,
     split,
@@ -91,7 +89,7 @@ class TextReading:
         """As `numbers_of`; of a column of words nothing is invalid."""
         if cells.dtype.is_numeric():
             return cells.to_numpy(), np.empty(0, dtype=np.int64), 0
-        numbers, rows, none = numbers_of(cells, self.dialect.forms[index])
+        numbers, rows, none = numbers_of(cells, self.dialect.forms[index], self.dialect.decimal)
         is_words = self.dialect.headings[index].name is None and self.dialect.forms[index].kind == "text"
         return (numbers, rows[:0], 0) if is_words else (numbers, rows, none)
 
@@ -100,6 +98,7 @@ class TextReading:
         import polars as pl
 
         lines, rows, width = [], [], len(self.dialect.headings)
+        unfinished = block.first + block.lines - 1 if not block.text.endswith(b"\n") else 0
         again = [split(line, self.dialect.separator) for line in self.dialect.above]
         for number, cells in self._rows(block):
             if not "".join(cells).strip() and (len(cells) < 2 or len(cells) != width):
@@ -109,7 +108,11 @@ class TextReading:
             elif len(cells) == width:
                 lines.append(number)
                 rows.append([cells[column.index] for column in self.selected])
-            elif is_comment(cells[0], "") or self._is_remark(cells) or self._is_unfinished(block, number, cells):
+            elif (
+                is_comment(cells[0], "")
+                or (number == unfinished and len(cells) < width)
+                or ((len(cells) == 1 or self.dialect.separator == " ") and is_words(cells))
+            ):
                 self.left_out.append(number)
             else:
                 self.ragged.append(f"line {number} has {len(cells)}")
@@ -117,13 +120,6 @@ class TextReading:
         named = zip(self.selected, columns, strict=True)
         cells_of = {column.index: pl.Series(texts, dtype=pl.String) for column, texts in named}
         return cells_of, Places("line", numbers=np.array(lines, dtype=np.int64))
-
-    def _is_remark(self, cells: Sequence[str]) -> bool:
-        return (len(cells) == 1 or self.dialect.separator == " ") and is_words(cells)
-
-    def _is_unfinished(self, block: TextBlock, number: int, cells: Sequence[str]) -> bool:
-        last = block.first + block.lines - 1
-        return number == last and not block.text.endswith(b"\n") and len(cells) < len(self.dialect.headings)
 
     def _rows(self, block: TextBlock) -> Iterator[tuple[int, list[str]]]:
         """Number and cells of each line."""
@@ -161,10 +157,8 @@ class TextReading:
             for index, count in sorted(self.none.items())
         ]
         if self.left_out:
-            where, several = listed(map(str, self.left_out)), len(self.left_out) > 1
-            holds = ("holds", "it repeats the names, is a remark, or was")
-            hold, why = ("hold", "they repeat the names, are remarks, or were") if several else holds
-            warnings.append(f"line{'s' * several} {where} {hold} no sample: {why} not written to the end.")
+            where = listed(map(str, self.left_out))
+            warnings.append(f"left out line {where}: the names again, a remark, or not written to the end.")
         self.parts, self.invalid, self.none, self.ragged, self.left_out = [], {}, Counter(), [], []
         return replace(whole, problems=tuple(problems), warnings=tuple(warnings))
 
@@ -230,21 +224,9 @@ def _cells(text: bytes, lines: int, dialect: Dialect, selected: Sequence[Heading
 def _advice(shown: Sequence[str], dialect: Dialect, index: int) -> str:
     """Advice on how to correct cells, of which a message shows the text in quotes."""
     cells = [text.partition("'")[2].removesuffix("'").strip() for text in shown]
-    kind, is_time = dialect.forms[index].kind, dialect.headings[index].name == "time"
-    grouped = [THOUSANDS.fullmatch(cell) and not NUMBER.fullmatch(cell) for cell in cells]
-    advice = (
-        (kind == "stamp", "write date and time as in the other cells, for example 2024-05-01T12:00:00.001"),
-        (is_time and all(":" in cell for cell in cells), f"write date and time as {STAMPS_SHOWN}"),
-        (kind == "truth", "write 1 or 0"),
-        (
-            not dialect.decimal and any(map(AMBIGUOUS.fullmatch, cells)),
-            "the comma may be a decimal or a thousands separator: write a decimal point",
-        ),
-        (any(grouped), "write a number without thousands separators"),
-        (
-            dialect.decimal == "," and any("." in cell for cell in cells),
-            "the decimal mark of this file is the comma: write a number without a point",
-        ),
-        (any("," in cell for cell in cells), "write a number with a decimal point"),
-    )
-    return next((text for holds, text in advice if holds), "write a number like 0.0125")
+    is_time = dialect.headings[index].name == "time" and all(":" in cell for cell in cells)
+    if is_time or dialect.forms[index].kind == "stamp":
+        return f"write date and time as {STAMPS_SHOWN}"
+    if not dialect.decimal and any(map(AMBIGUOUS.fullmatch, cells)):
+        return "the comma may be a decimal or a thousands separator: write a decimal point"
+    return f"write a number such as {'0,0125' if dialect.decimal == ',' else '0.0125'}, without thousands separators"

@@ -1,16 +1,15 @@
 """The contents of a MATLAB file as a flat list: arrays of numbers and texts, each with its path.
 
 Versions 4 to 7 are loaded by SciPy; of 7.3 files, which are HDF5, h5py reads only what is asked for. Nothing is
-followed that leads out of the file, and what claims more than the file can hold is refused or left out.
+followed that leads out of the file, and a dataset that claims more than the file can hold is left out.
 """
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections import defaultdict
-from collections.abc import Container, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -20,28 +19,21 @@ import numpy as np
 
 from clutchid.errors import MissingExtra, missing
 from clutchid.log import FloatArray
-from clutchid.measurements.formats.mat import objects
-from clutchid.messages import listed, shortened
-from clutchid.names import printable
+from clutchid.measurements.formats.mat.objects import object_content, objects_in
+from clutchid.messages import shortened
 
 #: Names from the variable to the item; an element of a struct array is ``(2)``, of a cell ``{2}``.
 ItemPath: TypeAlias = tuple[str, ...]
 
-#: Bytes of the variables of a file up to which SciPy loads them.
-LARGEST = 1_000_000_000
-
-#: What deflate makes of a byte at most, so a file that claims more is damaged.
-_BEST_RATIO = 1032
-
-#: Bytes of one chunk of a dataset, which is inflated anew for every block that is read.
-_LARGEST_CHUNK = 1 << 28
-
 #: An object of the time before MATLAB 7.6, which is a struct.
 _OLD_OBJECT = "2"
 
+#: What deflate makes of a byte at most, so a dataset that claims more is damaged.
+_BEST_RATIO = 1032
+
 _HDF5 = "MATLAB 7.3 (HDF5)"
 _ELSEWHERE = "arrays whose numbers are not in the file"
-_UNKNOWN = "arrays of an unknown kind"
+_OTHERS = "what holds no real numbers"
 
 
 class BrokenMat(ValueError):
@@ -52,15 +44,14 @@ class BrokenMat(ValueError):
 class ArrayChannel:
     """An array of real numbers of this shape, as in MATLAB, and the channel of it: a matrix has one a column (or row).
 
-    `place` is the loaded array, or the name of the dataset in the file; `origin` the date from which times count, in ms
-    since 1970; `label` how texts call it instead, `serves` the struct whose time it is if its name means time.
+    `place` is the loaded array, or the name of the dataset in the file; `label` how texts call it instead, `serves` the
+    struct whose time it is if its name means time.
     """
 
     path: ItemPath
     shape: tuple[int, ...]
     place: Any
     unit: str | None = None
-    origin: float | None = None
     column: int = 0
     label: str = ""
     comment: str = ""
@@ -96,31 +87,32 @@ class ArrayChannel:
 
 @dataclass(slots=True)
 class Contents:
-    """Arrays, texts, objects by the name of their class, and what else is no channel, by what it is in the plural."""
+    """Arrays, texts, objects by the name of their class, and what else is no channel, by what it is in the plural.
+
+    Variables of `decoded` stand for those of the file.
+    """
 
     arrays: list[ArrayChannel] = field(default_factory=list)
     texts: dict[ItemPath, str] = field(default_factory=dict)
     objects: dict[str, list[ItemPath]] = field(default_factory=lambda: defaultdict(list))
     left: dict[str, list[ItemPath]] = field(default_factory=lambda: defaultdict(list))
-    skip: Container[str] = ()
-    _groups: set[int] = field(default_factory=set)
+    decoded: Mapping[ItemPath, Any] = field(default_factory=dict)
 
     def add(self, path: ItemPath, value: Any) -> None:
         """Add a value as SciPy, mat-io or h5py give it, and all that is in it."""
-        if path and path[0] in self.skip:
-            return
+        value = object_content(self.decoded.get(path, value))
         if hasattr(value, "attrs"):
             self._add_hdf5(path, value)
         elif isinstance(value, Mapping):
             for name, item in value.items():
-                self.add((*path, name), item)
-        elif isinstance(value, objects.Stamps):
-            self.arrays.append(ArrayChannel(path, value.values.shape, *value))
+                self.add((*path, str(name)), item)
         elif class_name := _class_name(value):
-            self._add_object(path, class_name, objects.object_content(class_name, value))
-        elif not isinstance(value, np.ndarray):
+            self.objects[class_name].append(path)
+        elif isinstance(value, str):
+            self.texts[path] = value.strip()
+        elif not isinstance(value, np.ndarray) or type(value).__name__ == "MatlabFunction":
             if value is not None:  # a struct without fields
-                self.left["sparse matrices" if hasattr(value, "nnz") else _UNKNOWN].append(path)
+                self.left[_OTHERS].append(path)
         elif value.dtype.kind == "O":  # column by column, as in MATLAB
             self.add(path, {f"{{{i}}}": item for i, item in enumerate(value.ravel(order="F"), 1)})
         elif value.dtype.kind == "V":
@@ -128,55 +120,41 @@ class Contents:
             self.add(path, structs[0] if len(structs) == 1 else {f"({i})": item for i, item in enumerate(structs, 1)})
         elif value.dtype.kind in "UT":
             self.texts[path] = str(value.item()).strip() if value.size == 1 else ""
+        elif value.dtype.kind in "mM":
+            self.arrays.append(ArrayChannel(path, value.shape, value, "s"))
         else:
             self._add_numbers(path, value.dtype, value.shape, value)
-
-    def _add_object(self, path: ItemPath, class_name: str, plain: Any = None) -> None:
-        if plain is not None:
-            self.add(path, plain)
-        elif class_name == "function_handle":
-            self.left["functions"].append(path)
-        else:
-            self.objects[class_name or "no class"].append(path)
 
     def _add_numbers(self, path: ItemPath, dtype: np.dtype[Any], shape: tuple[int, ...], place: Any) -> None:
         if dtype.kind in "fiub":
             self.arrays.append(ArrayChannel(path, shape, place))
         else:
-            is_complex = dtype.kind == "c" or dtype.names == ("real", "imag")
-            self.left["complex numbers" if is_complex else _UNKNOWN].append(path)
+            self.left[_OTHERS].append(path)
 
     def _add_hdf5(self, path: ItemPath, item: Any) -> None:
+        """Add a dataset, or what stands in a group; links out of it are not followed."""
         class_name = _attribute(item, "MATLAB_class")
-        if class_name == "function_handle" or _attribute(item, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
-            self._add_object(path, class_name)
-        elif "MATLAB_sparse" in item.attrs:
-            self.left["sparse matrices"].append(path)
-        elif not hasattr(item, "dtype"):
-            if hash(item.id) not in self._groups:
-                self._groups.add(hash(item.id))
-                self._add_members(path, item)
-        elif _attribute(item, "MATLAB_empty") not in ("", "0") or not getattr(item, "size", 0):
-            if class_name not in ("char", "cell", "struct"):
-                self.left["empty arrays"].append(path)
-        else:
+        if class_name == "function_handle" or "MATLAB_sparse" in item.attrs:
+            self.left[_OTHERS].append(path)
+        elif _attribute(item, "MATLAB_object_decode") not in ("", _OLD_OBJECT):
+            self.objects[class_name or "no class"].append(path)
+        elif hasattr(item, "dtype"):
             self._add_dataset(path, item, class_name)
-
-    def _add_members(self, path: ItemPath, group: Any) -> None:
-        """Add what stands in a group; links out of it are not followed."""
-        for name in group:
-            link = type(group.get(name, getlink=True)).__name__
-            if link != "HardLink":
-                self.left[_ELSEWHERE].append((*path, name))
-            elif not name.startswith("#"):
-                self.add((*path, name), group[name])
+        else:
+            for name in item:
+                if type(item.get(name, getlink=True)).__name__ != "HardLink":
+                    self.left[_ELSEWHERE].append((*path, name))
+                elif not name.startswith("#"):
+                    self.add((*path, name), item[name])
 
     def _add_dataset(self, path: ItemPath, data: Any, class_name: str) -> None:
+        if data.attrs.get("MATLAB_empty") or not data.size:
+            if class_name not in ("char", "cell", "struct"):
+                self.left[_OTHERS].append(path)
+            return
         stored = min(data.id.get_storage_size(), data.file.id.get_filesize()) * (_BEST_RATIO if data.chunks else 1)
         if data.is_virtual or data.external or data.size * data.dtype.itemsize > stored:
             self.left[_ELSEWHERE].append(path)
-        elif math.prod(data.chunks or ()) * data.dtype.itemsize > _LARGEST_CHUNK:
-            self.left[f"arrays in compressed pieces of more than {_LARGEST_CHUNK >> 20} MB"].append(path)
         elif import_module("h5py").check_ref_dtype(data.dtype):  # a cell, or a field of the structs in an array
             *home, name = path
             for i, reference in enumerate(np.ravel(data[()]), 1):
@@ -196,18 +174,23 @@ def contents(path: Path, variables: Mapping[str, Any]) -> Contents:
     with sound("MATLAB" if isinstance(variables, dict) else _HDF5):
         whole.add((), variables)
         if names := {at[0] for paths in whole.objects.values() for at in paths}:
-            decoded = objects.of_file(path, [name for name in variables if name in names])
-            whole = Contents(skip=decoded)
+            whole = Contents(decoded={(name,): value for name, value in objects_in(path, sorted(names)).items()})
             whole.add((), variables)
-            whole.skip = ()
-            whole.add((), decoded)
     whole.objects.pop("string", None)
-    zero = min((array.origin for array in whole.arrays if array.origin is not None), default=0.0)
-    whole.arrays = [
-        array if array.origin is None else replace(array, place=array.place + (array.origin - zero) / 1e3)
-        for array in whole.arrays
-    ]
+    whole.arrays = _in_seconds(whole.arrays)
     return whole
+
+
+def _in_seconds(arrays: Sequence[ArrayChannel]) -> list[ArrayChannel]:
+    """The arrays, with dates and durations in s; dates count from the first one of the file."""
+    kinds = [array.place.dtype.kind if isinstance(array.place, np.ndarray) else "" for array in arrays]
+    dates = [array.place.ravel() for array, kind in zip(arrays, kinds, strict=True) if kind == "M"]
+    firsts = [date for stamps in dates for date in stamps[~np.isnat(stamps)][:1]]
+    zeros = {"m": np.timedelta64(0, "ns"), "M": min(firsts, default=np.datetime64(0, "ns"))}
+    return [
+        replace(array, place=(array.place - zeros[kind]) / np.timedelta64(1, "s")) if kind in zeros else array
+        for array, kind in zip(arrays, kinds, strict=True)
+    ]
 
 
 def _class_name(value: Any) -> str:
@@ -216,7 +199,7 @@ def _class_name(value: Any) -> str:
     if hasattr(value, "classname") and kind != "MatlabObject":  # this is a struct
         return str(value.classname)
     if kind != "MatlabOpaque":
-        return "function_handle" if kind == "MatlabFunction" else ""
+        return ""
     name = value["_Class" if "_Class" in value.dtype.names else "s2"].ravel()[0] if value.size else ""  # SciPy 1.18
     return (name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)) or "no class"
 
@@ -276,14 +259,12 @@ def opened_variables(path: Path, *, hdf5: bool) -> Iterator[Mapping[str, Any]]:
 
 def _loaded(path: Path) -> dict[str, Any]:
     """The variables of a file of version 4 to 7."""
-    from scipy.io.matlab import loadmat, varmats_from_mat, whosmat
+    from scipy.io.matlab import loadmat, varmats_from_mat
 
     with path.open("rb") as file:
         order = {b"IM": "utf-16-le", b"MI": "utf-16-be"}.get(file.read(128)[126:])
     codec: dict[str, Any] = {"uint16_codec": order} if order else {}
     with sound("MATLAB"):
-        with suppress(TypeError):  # it cannot say the shape of an object
-            _check_sizes(whosmat(str(path), appendmat=False), path.stat().st_size)
         try:
             variables = loadmat(str(path), appendmat=False, **codec)
         except TypeError as error:
@@ -296,18 +277,3 @@ def _loaded(path: Path) -> dict[str, Any]:
             every = [loadmat(part)["None"] for name, part in parts if name == "None"]
             variables |= {value["s0"].item().decode("utf-8", "replace"): value for value in every}
     return {name: value for name, value in variables.items() if not name.startswith("__")}
-
-
-def _check_sizes(variables: Sequence[tuple[str, tuple[int, ...], str]], stored: int) -> None:
-    others = ("cell", "struct", "object", "char", "sparse")
-    sizes = {
-        f"'{shortened(printable(name))}'": 8 * math.prod(shape or ())
-        for name, shape, kind in variables
-        if kind not in others
-    }
-    for name, size in sizes.items():
-        if size > 8 * _BEST_RATIO * stored:
-            raise BrokenMat(f"is damaged: {name} claims {size:,} bytes of a file of {stored:,}; copy or save it again.")
-    if (total := sum(sizes.values())) > LARGEST:
-        where = listed(sizes, 3)
-        raise BrokenMat(f"has {total / 1e9:.1f} GB in {where}; save it with '-v7.3', which is read piece by piece.")

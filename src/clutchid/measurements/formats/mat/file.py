@@ -41,21 +41,14 @@ _SHOWN = 3
 #: Samples that a variable of a MATLAB 5 file may have.
 _LONGEST = (2**31 - 1) // 8
 
-#: What makes numbers of the objects of a class in MATLAB; `x` is the object.
+#: What makes numbers of the objects of Simulink in MATLAB; `x` is the object.
 _IN_MATLAB = {
-    "timeseries": "s = struct('time', x.Time, 'data', x.Data)",
-    "timetable": "s = table2struct(timetable2table(x), 'ToScalar', true); "
-    "s.time = seconds(x.Properties.RowTimes - x.Properties.RowTimes(1))",
-    "table": "s = table2struct(x, 'ToScalar', true)",
     "Simulink.SimulationData.Dataset": "s = struct('time', x{1}.Values.Time, 'data', x{1}.Values.Data)",
     "Simulink.SimulationData.Signal": "s = struct('time', x.Values.Time, 'data', x.Values.Data)",
     "Simulink.SimulationOutput": "s = struct('time', x.tout, 'data', x.logsout{1}.Values.Data)",
-    "datetime": "s = seconds(x - x(1))",
-    "duration": "s = seconds(x)",
 }
 
-
-_V4, _V73 = "MATLAB 4", "MATLAB 7.3"
+_V73 = "MATLAB 7.3"
 
 #: Matrices of a result of Modelica tools, whose channels have their names in another matrix.
 _MODELICA = {"Aclass", "name", "dataInfo"}
@@ -103,7 +96,7 @@ def open_file(path: Path) -> Source:
     if version is None:
         return refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
     try:
-        return _source(path, version, head)
+        return _source(path, version)
     except BrokenMat as error:
         return refused(path, version, str(error))
 
@@ -139,7 +132,7 @@ def _version(head: bytes) -> str | None:
         return _V73
     if head[126:128] in (b"IM", b"MI") and head[124:126] in (b"\x00\x01", b"\x01\x00"):
         return "MATLAB 5"
-    return _V4 if _is_v4(head) else None
+    return "MATLAB 4" if _is_v4(head) else None
 
 
 def _is_v4(head: bytes) -> bool:
@@ -154,7 +147,7 @@ def _is_v4(head: bytes) -> bool:
     return False
 
 
-def _source(path: Path, version: str, head: bytes) -> Source:
+def _source(path: Path, version: str) -> Source:
     with opened_variables(path, hdf5=version == _V73) as variables:
         whole = contents(path, variables)
         if {at[0] for at in (*whole.texts, *(array.path for array in whole.arrays))} >= _MODELICA:
@@ -173,8 +166,6 @@ def _source(path: Path, version: str, head: bytes) -> Source:
         nothing = "holds no vector of two or more numbers; save the time and the channels as vectors of one length."
         problem, *others = warnings if whole.objects else (nothing, *warnings)
         return refused(path, version, problem, *others)
-    header = "" if version == _V4 else printable(head[:116].decode("latin-1").strip("\0 "))
-    metadata = own if own is not None else {"mat_header": header} if header.startswith("MATLAB") else {}
 
     def tables(raster: int, columns: Sequence[int], rows: int | None = None) -> Iterator[Table]:
         size, signals = rasters[raster].size, grids[raster][1]
@@ -190,7 +181,7 @@ def _source(path: Path, version: str, head: bytes) -> Source:
         except BrokenMat as error:
             raise DataError(f"{path}: {error}") from error
 
-    return Source(path, version, rasters, tables, (), warnings, metadata)
+    return Source(path, version, rasters, tables, (), warnings, own or {})
 
 
 def _left_out(whole: Contents) -> tuple[str, ...]:

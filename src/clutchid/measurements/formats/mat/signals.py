@@ -20,8 +20,7 @@ from clutchid.measurements.formats.mat.contents import ArrayChannel, BrokenMat, 
 from clutchid.measurements.source import Raster
 from clutchid.names import printable
 
-#: Columns of a matrix, and channels of a file, up to which they are listed.
-_MOST_COLUMNS = 256
+#: Channels of a file up to which they are listed.
 MOST_CHANNELS = 20_000
 
 #: Samples from which on a column that grows is taken for time.
@@ -82,19 +81,14 @@ def signals_of(whole: Contents, least: int) -> list[ArrayChannel]:
         signals += [replace(signal, column=i) for i in range(min(array.sides) if array.mark else 1)]
         if len(signals) > MOST_CHANNELS:
             raise BrokenMat(f"has more than {MOST_CHANNELS:,} channels; save those that are needed.")
-    for path in whole.texts:
-        if is_time_name(_without_index(path)[-1]) and not any(part.casefold() in _UNITS for part in path):
-            whole.left["texts where a time is expected"].append(path)
     return signals
 
 
 def _no_channel(array: ArrayChannel, least: int) -> str:
     """Kind of an array that holds no channel, in the plural; empty of any other."""
     if array.size < least:
-        return "single numbers" if array.size else "empty arrays"
-    if len(array.sides) > 2:
-        return "arrays of three or more dimensions"
-    return f"matrices of more than {_MOST_COLUMNS} columns" if array.mark and min(array.sides) > _MOST_COLUMNS else ""
+        return "single numbers"
+    return "arrays of three or more dimensions" if len(array.sides) > 2 else ""
 
 
 def _described(array: ArrayChannel, texts: Mapping[ItemPath, str], *, only: bool) -> ArrayChannel:
@@ -148,24 +142,20 @@ def rasters_of(signals: Sequence[ArrayChannel], peek: Peek) -> list[tuple[Raster
                 continue  # the time again, as Simulink writes it beside `tout`
         owner = first or time
         (timed[owner] if owner else untimed[signal.size]).append(first if first and signal.column == 0 else signal)
-    lone = [time for time, group in timed.items() if group == [time]]
-    for time in lone:
+    for time in [time for time, group in timed.items() if group == [time]]:
         untimed[time.size] += timed.pop(time)
     for size, group in list(untimed.items()):
         if by_words := _by_words(group, peek):
             timed |= by_words
             del untimed[size]
     names = Counter(_called(signal) for signal in signals)
-    rasters = [(_raster(group, names, group.index(time), time), group) for time, group in timed.items()]
-    return rasters + [
-        (_raster(group, names, 0 if set(lone).issuperset(group) else None), group) for group in untimed.values()
-    ]
+    grids = [*timed.items(), *((None, group) for group in untimed.values())]
+    return [(_raster(group, names, time), group) for time, group in grids]
 
 
-def _raster(
-    group: Sequence[ArrayChannel], names: Counter[str], clock: int | None, time: ArrayChannel | None = None
-) -> Raster:
+def _raster(group: Sequence[ArrayChannel], names: Counter[str], time: ArrayChannel | None) -> Raster:
     """A time grid, called by the struct that its time serves; a channel is called by its label if no other is."""
+    clock = None if time is None else group.index(time)
     homes = {_without_index(signal.path)[:-1] for signal in group}
     if time is not None:
         homes = {time.path[:-1] if time.serves is None else time.serves}

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import gc
 import io
 import logging
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -46,11 +44,10 @@ def opened(path: Path) -> Iterator[MDF]:
         If the file cannot be read.
     """
     library = asammdf()
-    with contextlib.closing(_readable(path)) as stream:
-        mdf, reason = _built(library, stream)
-        if mdf is None:
-            raise BrokenMdf(reason)
-        with contextlib.closing(mdf), _explained():
+    with contextlib.closing(_readable(path)) as stream, _explained():
+        with quiet_asammdf():
+            mdf = library.MDF(stream, process_bus_logging=False, use_display_names=False)
+        with contextlib.closing(mdf):
             if version_of(mdf) == 3:
                 _check_end(mdf, path.stat().st_size)
             _drop_clocks(mdf)
@@ -108,24 +105,6 @@ def _readable(path: Path) -> IO[bytes]:
         shutil.copyfileobj(stream, copy)
         copy.seek(0)
         return copy
-
-
-def _built(library: Any, stream: IO[bytes]) -> tuple[MDF | None, str]:
-    """asammdf's object, or the reason why there is none."""
-    try:
-        with quiet_asammdf():
-            return library.MDF(stream, process_bus_logging=False, use_display_names=False), ""
-    except Exception as error:
-        if _is_the_disk(error):
-            raise
-        reason = _reason(error)
-    # what asammdf left half-made complains while it is collected, so that happens here and unheard
-    before, sys.unraisablehook = sys.unraisablehook, lambda _: None
-    try:
-        gc.collect(1)  # it is young, and a whole collection takes 0.2 s
-    finally:
-        sys.unraisablehook = before
-    return None, reason
 
 
 def _drop_clocks(mdf: Any) -> None:

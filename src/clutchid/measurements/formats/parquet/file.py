@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.log import INPUTS, FloatArray, Log, Samples
-from clutchid.measurements.columns import Heading, headings
+from clutchid.measurements.columns import Heading, headings, without_numbers
 from clutchid.measurements.source import EXAMPLE, Places, Raster, Source, Table, own_metadata, refused, to_frame
-from clutchid.messages import listed, shortened
+from clutchid.messages import shortened
 
 if TYPE_CHECKING:
     import polars as pl
@@ -30,9 +30,8 @@ KEY, _EDGES = "clutchid", "clutchid edges"
 #: What polars makes of an INT96 stamp in ns that 64 bits do not hold: before 1677, after 2262.
 _BEYOND = 2**63 - 1
 
-#: Rows in which the first stamp is looked for, and columns without numbers that a warning names.
+#: Rows in which the first stamp is looked for.
 _TELLING = 1000
-_SHOWN = 3
 
 #: Column in which pandas writes an index without a name: the time, if it holds stamps and no other column is the time.
 INDEX = "__index_level_0__"
@@ -124,11 +123,9 @@ def _source(
     shown = [name for name, heading in every.items() if heading.name is not None or _is_numeric(kinds[name], heading)]
     held = {name: _HELD.get(type(kind).__name__, "values of an unknown type") for name, kind in kinds.items()}
     others = tuple((name, held[name]) for name in every if name not in shown)
-    unread = listed((f"'{shortened(name)}' ({what})" for name, what in others), _SHOWN)
-    left = f"({len(others)}): {unread}"
     if not shown:
-        problem = f"holds no column of numbers, only others {left}; write the channels as Float64."
-        return refused(path, "Parquet", problem)
+        problem = "holds no column of numbers; write the channels as Float64."
+        return refused(path, "Parquet", problem, *without_numbers(others))
     columns = tuple(_heading(replace(every[name], index=i), kinds[name]) for i, name in enumerate(shown))
     stamps = [name for name in shown if kinds[name].is_temporal()]
     firsts = {series.name: series.drop_nulls().head(1) for series in rows_of(stamps, 0, _TELLING)}
@@ -160,9 +157,9 @@ def _source(
             numbers |= {i: np.full(count, np.nan) for i in missing}
             yield Table(columns, numbers, count, Places(first=start + 1), problems)
 
-    warnings = (f"left out columns without numbers {left}.",) if others else ()
+    warnings, edges = tuple(without_numbers(others)), _edges(written.get(_EDGES))
     raster = Raster(columns, size, clock=clock, others=others)
-    return Source(path, "Parquet", (raster,), tables, (), warnings, metadata, edges=_edges(written.get(_EDGES)))
+    return Source(path, "Parquet", (raster,), tables, (), warnings, metadata, edges=edges)
 
 
 def _heading(column: Heading, kind: pl.DataType) -> Heading:
