@@ -23,6 +23,8 @@ from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxi
 from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
 from clutchid.measurements.stored import WHOLE
 
+__all__ = ["FileOverview", "TimeAxis", "TimeGridOverview", "look", "overview_of"]
+
 #: What a recording of a test rig needs, whose map assigns a force and no duty cycle.
 _RIG = ("time", "position", "force")
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, all_of, sample_interval
 from clutchid.log.states import SENSORS
-from clutchid.measurements.checks import DUTY_ROUNDING, check_duties
+from clutchid.measurements import DUTY_ROUNDING, check_duties
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from clutchid.documents.results import Looked
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.measurements import read_pieces
-from clutchid.measurements.columns import QUANTITIES
+from clutchid.measurements import QUANTITIES, read_pieces
 from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.parameters import known_ambient
@@ -19,8 +18,8 @@ from clutchid.parameters import known_ambient
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.inference.uncertainty.calibration import Calibration
+    from clutchid.measurements.look import FileOverview
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.measurements.overview import FileOverview
     from clutchid.model.actuator import Actuator
     from clutchid.preparation.inspection import Check, Grade
     from clutchid.strokes.vented_rest import ZeroedLog
