@@ -7,10 +7,10 @@ conditions, arithmetic, minimum and maximum, and calls of each other.
 from __future__ import annotations
 
 import ast
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import getsource
+from operator import attrgetter
 from types import ModuleType
 from typing import Any
 
@@ -152,9 +152,8 @@ class _Printer:
 
     def _kind(self, node: ast.expr, types: Mapping[str, str]) -> str:
         """Type of an expression: int for conditions, verdicts and numbers of entries."""
-        if isinstance(node, ast.Name):
-            value = getattr(self.module, node.id, None)
-            return types.get(node.id) or ("int" if isinstance(value, int) else "real")
+        if isinstance(node, (ast.Name, ast.Attribute)):
+            return types.get(ast.unparse(node)) or ("int" if isinstance(self._value(node), int) else "real")
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             if node.func.id == "bool":
                 return "int"
@@ -213,10 +212,11 @@ class _Printer:
                 text = f"{value}"
             case ast.Constant(value=float() as number):
                 text = self.number(number)
-            case ast.Name():
-                text = self._name(node.id, types)
-            case ast.Attribute(attr="nan" | "inf"):
-                text = self.number(math.nan if node.attr == "nan" else math.inf)
+            case ast.Name() if node.id in types:
+                text = node.id
+            case ast.Name() | ast.Attribute():
+                value = self._value(node)
+                text = f"{value}" if isinstance(value, int) else self.number(value)
             case ast.Subscript():
                 text = f"{of(node.value)}[{of(node.slice)}]"
             case ast.BinOp():
@@ -247,11 +247,9 @@ class _Printer:
             return f"({text} != 0)"
         return text if text.startswith("(") else f"({text})"
 
-    def _name(self, name: str, types: Mapping[str, str]) -> str:
-        if name in types:
-            return name
-        value: Any = getattr(self.module, name)
-        return f"{value}" if isinstance(value, int) else self.number(value)
+    def _value(self, node: ast.expr) -> Any:
+        """Value of a name in the module, or of a name of a module that it imports."""
+        return attrgetter(ast.unparse(node))(self.module)
 
     def _compared(self, node: ast.Compare, types: Mapping[str, str]) -> str:
         """Comparisons, one after the other; of equal numbers by their order, so that NaN equals nothing."""

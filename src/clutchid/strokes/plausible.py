@@ -9,178 +9,130 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
-from clutchid.strokes.rule import (
-    ACCELERATION,
-    AGE,
-    BELIEVED_AFTER,
-    BEYOND,
-    COMPUTED,
-    COUNT,
-    DIFFERENCE,
-    DOUBT,
-    DOUBT_RATE,
-    DOUBT_SEEN,
-    DOUBT_SINCE,
-    DOUBTED,
-    EQUAL,
-    EXPLAINED,
-    FASTER,
-    FRESH,
-    GAP,
-    IMPOSSIBLE,
-    IMPROBABLE,
-    INTERVAL,
-    LAST,
-    LEAST_SUPPLY,
-    LIKE_SUPPLY,
-    MOST_SUPPLY,
-    NOISE,
-    OF_SUPPLY,
-    OTHER_0,
-    OTHER_1,
-    OTHERS_SINCE,
-    QUANTUM,
-    QUICK,
-    RANGE_HIGH,
-    RANGE_LOW,
-    RATE_NOW,
-    READ_ANEW,
-    REPEATED,
-    REPEATS,
-    SCATTER,
-    SCATTER_BEFORE,
-    SCATTERED,
-    SEAM,
-    SEEN,
-    SINCE,
-    SLOW,
-    SLOWEST,
-    SPEED,
-    STANDS,
-    STEP,
-    TOGGLED,
-    TURNS,
-    TURNS_BEFORE,
-    UNLIKE_SUPPLY,
-    VALUE,
-)
+from clutchid.strokes import rule
 
 
 @kernel
 def noisy(watch: FloatArray, limits: FloatArray) -> bool:
     """Whether the noise of the sensor was visible before the present run of equal samples."""
-    least: float = max(TOGGLED * watch[QUANTUM], COMPUTED * (limits[RANGE_HIGH] - limits[RANGE_LOW]))
-    return bool(watch[SCATTER_BEFORE] >= least)
+    least: float = max(
+        rule.TOGGLED * watch[rule.QUANTUM], rule.COMPUTED * (limits[rule.RANGE_HIGH] - limits[rule.RANGE_LOW])
+    )
+    return bool(watch[rule.SCATTER_BEFORE] >= least)
 
 
 @kernel
 def possible_step(watch: FloatArray, limits: FloatArray, elapsed: float, dt: float, rate: float) -> float:
     """Largest step in `dt` s, for a value first read `elapsed` s ago that changed at `rate` before."""
     held = dt
-    if noisy(watch, limits) and elapsed > IMPROBABLE * limits[INTERVAL]:
+    if noisy(watch, limits) and elapsed > rule.IMPROBABLE * limits[rule.INTERVAL]:
         held = elapsed
-    elif watch[FRESH] < READ_ANEW:
-        held = max(dt, min(elapsed, limits[REPEATS]))
-    starts = min(limits[SPEED] * held, 0.5 * limits[ACCELERATION] * held * held)
-    goes_on = FASTER * abs(rate) * elapsed if elapsed <= limits[GAP] else 0.0
-    largest: float = max(limits[NOISE], SCATTERED * watch[SCATTER]) + goes_on + starts
+    elif watch[rule.FRESH] < rule.READ_ANEW:
+        held = max(dt, min(elapsed, limits[rule.REPEATS]))
+    starts = min(limits[rule.SPEED] * held, 0.5 * limits[rule.ACCELERATION] * held * held)
+    goes_on = rule.FASTER * abs(rate) * elapsed if elapsed <= limits[rule.GAP] else 0.0
+    largest: float = max(limits[rule.NOISE], rule.SCATTERED * watch[rule.SCATTER]) + goes_on + starts
     return largest
 
 
 @kernel
 def restart(watch: FloatArray, t: float, y: float) -> None:
     """Take a sample whatever was before."""
-    watch[SEEN], watch[SINCE], watch[AGE], watch[LAST] = t, t, t, y
-    watch[RATE_NOW], watch[DIFFERENCE], watch[DOUBT] = 0.0, 0.0, math.nan
-    watch[TURNS_BEFORE], watch[SCATTER_BEFORE] = watch[TURNS], watch[SCATTER]
+    watch[rule.SEEN], watch[rule.SINCE], watch[rule.AGE], watch[rule.LAST] = t, t, t, y
+    watch[rule.RATE_NOW], watch[rule.DIFFERENCE], watch[rule.DOUBT] = 0.0, 0.0, math.nan
+    watch[rule.TURNS_BEFORE], watch[rule.SCATTER_BEFORE] = watch[rule.TURNS], watch[rule.SCATTER]
 
 
 @kernel
 def take(watch: FloatArray, limits: FloatArray, t: float, y: float) -> None:
     """Take a sample that follows the last one."""
-    difference, elapsed = y - watch[LAST], t - watch[SINCE]
-    anew = watch[FRESH] >= READ_ANEW
+    difference, elapsed = y - watch[rule.LAST], t - watch[rule.SINCE]
+    anew = watch[rule.FRESH] >= rule.READ_ANEW
     if difference != 0.0 or anew:
-        second = abs(difference - watch[DIFFERENCE])
-        watch[COUNT] += 1.0
-        watch[SCATTER] += max(SLOW, 1.0 / watch[COUNT]) * (
-            min(second, 3.0 * watch[SCATTER] + limits[NOISE]) - watch[SCATTER]
+        second = abs(difference - watch[rule.DIFFERENCE])
+        watch[rule.COUNT] += 1.0
+        watch[rule.SCATTER] += max(rule.SLOW, 1.0 / watch[rule.COUNT]) * (
+            min(second, 3.0 * watch[rule.SCATTER] + limits[rule.NOISE]) - watch[rule.SCATTER]
         )
-        turned = 1.0 if difference * watch[DIFFERENCE] < 0.0 else 0.0
-        watch[TURNS] += SLOWEST * (turned - watch[TURNS])
-        watch[DIFFERENCE] = difference
+        turned = 1.0 if difference * watch[rule.DIFFERENCE] < 0.0 else 0.0
+        watch[rule.TURNS] += rule.SLOWEST * (turned - watch[rule.TURNS])
+        watch[rule.DIFFERENCE] = difference
     if difference != 0.0:
-        watch[RATE_NOW] += QUICK * (difference / elapsed - watch[RATE_NOW])
+        watch[rule.RATE_NOW] += rule.QUICK * (difference / elapsed - watch[rule.RATE_NOW])
         if not anew:
-            watch[FRESH] = watch[FRESH] + 1.0 if elapsed < 1.5 * limits[INTERVAL] else 0.0
-        watch[QUANTUM] = min(watch[QUANTUM], abs(difference))
-        watch[TURNS_BEFORE], watch[SCATTER_BEFORE] = watch[TURNS], watch[SCATTER]
-        watch[SINCE], watch[LAST] = t, y
-    watch[SEEN] = t
+            watch[rule.FRESH] = watch[rule.FRESH] + 1.0 if elapsed < 1.5 * limits[rule.INTERVAL] else 0.0
+        watch[rule.QUANTUM] = min(watch[rule.QUANTUM], abs(difference))
+        watch[rule.TURNS_BEFORE], watch[rule.SCATTER_BEFORE] = watch[rule.TURNS], watch[rule.SCATTER]
+        watch[rule.SINCE], watch[rule.LAST] = t, y
+    watch[rule.SEEN] = t
 
 
 @kernel
 def doubt(watch: FloatArray, t: float, y: float) -> None:
     """Begin to doubt samples with this one."""
-    watch[DOUBT], watch[DOUBT_SEEN], watch[DOUBT_SINCE] = t, t, t
-    watch[DOUBTED], watch[DOUBT_RATE] = y, 0.0
+    watch[rule.DOUBT], watch[rule.DOUBT_SEEN], watch[rule.DOUBT_SINCE] = t, t, t
+    watch[rule.DOUBTED], watch[rule.DOUBT_RATE] = y, 0.0
 
 
 @kernel
 def fills_gap(watch: FloatArray, limits: FloatArray, t: float, y: float) -> bool:
     """Whether the motion behind a step explains it, as after lost messages that a logger fills with the last value."""
-    elapsed, step = t - watch[SINCE], y - watch[LAST]
-    was_held = IMPROBABLE * limits[INTERVAL] < watch[DOUBT] - watch[SINCE] <= limits[GAP]
-    moves_on = watch[DOUBT_RATE] * step > 0.0 and abs(step) <= FASTER * abs(watch[DOUBT_RATE]) * elapsed
-    return bool(was_held and moves_on and t - watch[DOUBT] <= STANDS * limits[INTERVAL])
+    elapsed, step = t - watch[rule.SINCE], y - watch[rule.LAST]
+    was_held = rule.IMPROBABLE * limits[rule.INTERVAL] < watch[rule.DOUBT] - watch[rule.SINCE] <= limits[rule.GAP]
+    moves_on = watch[rule.DOUBT_RATE] * step > 0.0 and abs(step) <= rule.FASTER * abs(watch[rule.DOUBT_RATE]) * elapsed
+    return bool(was_held and moves_on and t - watch[rule.DOUBT] <= rule.STANDS * limits[rule.INTERVAL])
 
 
 @kernel
 def doubted(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
     """Verdict on a sample in doubt: it goes on from the others in doubt, from the last that counts, or from neither."""
-    dt = t - watch[DOUBT_SEEN]
-    if abs(y - watch[DOUBTED]) <= possible_step(watch, limits, dt, dt, watch[DOUBT_RATE]):
-        if y != watch[DOUBTED]:
-            watch[DOUBT_SINCE] = t
-        elif noisy(watch, limits) and t - watch[DOUBT_SINCE] > STANDS * limits[INTERVAL]:
-            watch[DOUBT] = t  # a sensor that stands still after a step is not believed
-        watch[DOUBT_RATE] += QUICK * ((y - watch[DOUBTED]) / dt - watch[DOUBT_RATE])
-        watch[DOUBTED], watch[DOUBT_SEEN] = y, t
+    dt = t - watch[rule.DOUBT_SEEN]
+    if abs(y - watch[rule.DOUBTED]) <= possible_step(watch, limits, dt, dt, watch[rule.DOUBT_RATE]):
+        if y != watch[rule.DOUBTED]:
+            watch[rule.DOUBT_SINCE] = t
+        elif noisy(watch, limits) and t - watch[rule.DOUBT_SINCE] > rule.STANDS * limits[rule.INTERVAL]:
+            watch[rule.DOUBT] = t  # a sensor that stands still after a step is not believed
+        watch[rule.DOUBT_RATE] += rule.QUICK * ((y - watch[rule.DOUBTED]) / dt - watch[rule.DOUBT_RATE])
+        watch[rule.DOUBTED], watch[rule.DOUBT_SEEN] = y, t
         if fills_gap(watch, limits, t, y):
-            return EXPLAINED
-        if t - watch[DOUBT] < min(
-            limits[BELIEVED_AFTER], 2.0 * (watch[SEEN] - watch[AGE]) + (STANDS - 1.0) * limits[INTERVAL]
+            return rule.EXPLAINED
+        if t - watch[rule.DOUBT] < min(
+            limits[rule.BELIEVED_AFTER],
+            2.0 * (watch[rule.SEEN] - watch[rule.AGE]) + (rule.STANDS - 1.0) * limits[rule.INTERVAL],
         ):
-            return STEP
-        return SEAM
-    away = t - watch[SEEN]
-    if abs(y - watch[LAST]) <= limits[NOISE] + SCATTERED * watch[SCATTER] + limits[SPEED] * away:
-        return VALUE
+            return rule.STEP
+        return rule.SEAM
+    away = t - watch[rule.SEEN]
+    if (
+        abs(y - watch[rule.LAST])
+        <= limits[rule.NOISE] + rule.SCATTERED * watch[rule.SCATTER] + limits[rule.SPEED] * away
+    ):
+        return rule.VALUE
     doubt(watch, t, y)
-    return STEP
+    return rule.STEP
 
 
 @kernel
 def judge(watch: FloatArray, limits: FloatArray, t: float, y: float) -> int:
     """Verdict on the next sample."""
-    if math.isnan(y) or not limits[RANGE_LOW] <= y <= limits[RANGE_HIGH]:
-        watch[EQUAL] = 0.0
-        return VALUE if math.isnan(y) else BEYOND
-    latest = watch[SEEN] if math.isnan(watch[DOUBT]) else watch[DOUBT_SEEN]
-    if not t - latest <= limits[GAP]:
+    if math.isnan(y) or not limits[rule.RANGE_LOW] <= y <= limits[rule.RANGE_HIGH]:
+        watch[rule.EQUAL] = 0.0
+        return rule.VALUE if math.isnan(y) else rule.BEYOND
+    latest = watch[rule.SEEN] if math.isnan(watch[rule.DOUBT]) else watch[rule.DOUBT_SEEN]
+    if not t - latest <= limits[rule.GAP]:
         restart(watch, t, y)
-        return VALUE
-    if not math.isnan(watch[DOUBT]):
+        return rule.VALUE
+    if not math.isnan(watch[rule.DOUBT]):
         verdict = doubted(watch, limits, t, y)
-        if verdict in (VALUE, EXPLAINED):
+        if verdict in (rule.VALUE, rule.EXPLAINED):
             take(watch, limits, t, y)
         return verdict
-    step = possible_step(watch, limits, t - watch[SINCE], t - watch[SEEN], watch[RATE_NOW])
-    if abs(y - watch[LAST]) > step:
+    step = possible_step(watch, limits, t - watch[rule.SINCE], t - watch[rule.SEEN], watch[rule.RATE_NOW])
+    if abs(y - watch[rule.LAST]) > step:
         doubt(watch, t, y)
-        return STEP
+        return rule.STEP
     take(watch, limits, t, y)
-    return VALUE
+    return rule.VALUE
 
 
 @kernel
@@ -194,41 +146,49 @@ def judge_next(
     since : (2,)
         See `follow_values`; else left as it is.
     """
-    if supply != watch[OTHER_0] or exhaust != watch[OTHER_1]:
-        watch[OTHER_0], watch[OTHER_1], watch[OTHERS_SINCE] = supply, exhaust, t
+    if supply != watch[rule.OTHER_0] or exhaust != watch[rule.OTHER_1]:
+        watch[rule.OTHER_0], watch[rule.OTHER_1], watch[rule.OTHERS_SINCE] = supply, exhaust, t
     verdict = judge(watch, limits, t, y)
-    if verdict in (SEAM, EXPLAINED):
-        since[0], since[1] = watch[DOUBT], watch[AGE]
-    if verdict == SEAM:
+    if verdict in (rule.SEAM, rule.EXPLAINED):
+        since[0], since[1] = watch[rule.DOUBT], watch[rule.AGE]
+    if verdict == rule.SEAM:
         restart(watch, t, y)
-    elif verdict in (VALUE, EXPLAINED) and not math.isnan(y):
-        watch[DOUBT] = math.nan
-        watch[EQUAL] = watch[EQUAL] + 1.0 if t > watch[SINCE] else 0.0
-        turns, began = watch[TURNS_BEFORE] * watch[EQUAL], t - watch[EQUAL] * limits[INTERVAL]
-        repeated = turns > IMPOSSIBLE and watch[EQUAL] * limits[INTERVAL] > limits[GAP] and noisy(watch, limits)
-        if repeated and watch[OTHERS_SINCE] < began + 0.5 * limits[INTERVAL]:
-            verdict, since[0] = REPEATED, began
+    elif verdict in (rule.VALUE, rule.EXPLAINED) and not math.isnan(y):
+        watch[rule.DOUBT] = math.nan
+        watch[rule.EQUAL] = watch[rule.EQUAL] + 1.0 if t > watch[rule.SINCE] else 0.0
+        turns, began = watch[rule.TURNS_BEFORE] * watch[rule.EQUAL], t - watch[rule.EQUAL] * limits[rule.INTERVAL]
+        repeated = (
+            turns > rule.IMPOSSIBLE
+            and watch[rule.EQUAL] * limits[rule.INTERVAL] > limits[rule.GAP]
+            and noisy(watch, limits)
+        )
+        if repeated and watch[rule.OTHERS_SINCE] < began + 0.5 * limits[rule.INTERVAL]:
+            verdict, since[0] = rule.REPEATED, began
     return verdict
 
 
 @kernel
 def count_anew(watch: FloatArray, by: float) -> None:
     """Let the time begin `by` s later, for a clock of few digits."""
-    watch[SEEN], watch[SINCE], watch[AGE] = watch[SEEN] - by, watch[SINCE] - by, watch[AGE] - by
-    watch[DOUBT], watch[DOUBT_SEEN] = watch[DOUBT] - by, watch[DOUBT_SEEN] - by
-    watch[DOUBT_SINCE], watch[OTHERS_SINCE] = watch[DOUBT_SINCE] - by, watch[OTHERS_SINCE] - by
+    watch[rule.SEEN], watch[rule.SINCE], watch[rule.AGE] = (
+        watch[rule.SEEN] - by,
+        watch[rule.SINCE] - by,
+        watch[rule.AGE] - by,
+    )
+    watch[rule.DOUBT], watch[rule.DOUBT_SEEN] = watch[rule.DOUBT] - by, watch[rule.DOUBT_SEEN] - by
+    watch[rule.DOUBT_SINCE], watch[rule.OTHERS_SINCE] = watch[rule.DOUBT_SINCE] - by, watch[rule.OTHERS_SINCE] - by
 
 
 @kernel
 def judge_supply(watch: FloatArray, recorded: float, pressure: float, closed: bool) -> bool:
     """Whether a supply pressure cannot be right, by that of the calibration and by its mean while no valve is open."""
-    wrong = pressure < LEAST_SUPPLY or pressure > MOST_SUPPLY
+    wrong = pressure < rule.LEAST_SUPPLY or pressure > rule.MOST_SUPPLY
     if closed and not wrong and not math.isnan(pressure):
         share = pressure / recorded - 1.0
-        watch[0] = share if math.isnan(watch[0]) else watch[0] + OF_SUPPLY * (share - watch[0])
-        if abs(watch[0]) > UNLIKE_SUPPLY:
+        watch[0] = share if math.isnan(watch[0]) else watch[0] + rule.OF_SUPPLY * (share - watch[0])
+        if abs(watch[0]) > rule.UNLIKE_SUPPLY:
             watch[1] = 1.0
-        elif abs(watch[0]) < LIKE_SUPPLY:
+        elif abs(watch[0]) < rule.LIKE_SUPPLY:
             watch[1] = 0.0
     return bool(wrong or (watch[1] > 0.0 and not math.isnan(pressure)))
 
