@@ -76,7 +76,7 @@ def pieces(
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
         check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
     if channels is not None:
-        messages.warnings += channels.comments.get("", "").splitlines()
+        messages.warnings += channels.comment.splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
     grids = [grid for several in _grids(source, picks, ambient, rows, messages) for grid in several]
     interval = channels.raster if channels is not None else None

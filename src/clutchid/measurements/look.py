@@ -108,7 +108,7 @@ def overview_of(
         wrong, remarks = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
     if channels is not None:
         every, proposed = {**proposal.channels.channels, **channels.channels}, proposal.channels
-        completed = replace(channels, channels=every, dbc=proposed.dbc, comments=proposed.comments)
+        completed = replace(channels, channels=every, dbc=proposed.dbc)
         proposal = replace(proposal, channels=completed)
     return FileOverview(
         str(source.path),

@@ -90,7 +90,7 @@ def is_map(path: Path) -> bool:
 
 
 def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
-    """Write the proposed channel map, with the listing of the file as a comment.
+    """Write the proposed channel map, with what is open and the listing of the file as a comment.
 
     Raises
     ------
@@ -98,7 +98,8 @@ def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
         If the file cannot be written.
     """
     proposed = contents.proposal.channels
-    write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), path)
+    comment = "\n".join((*contents.proposal.open, contents.listing()))
+    write_map(replace(proposed, comment=comment), path)
     return proposed
 
 
