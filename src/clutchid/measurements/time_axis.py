@@ -133,16 +133,16 @@ def on_clock(stamps: FloatArray, places: Places, clock: Clock, *, shared: bool) 
     return RepairedTime(rows, time, tuple(said), replace(after, last=last))
 
 
-#: Bursts: as many at least, of as many samples on average, with no more than this share of the time within one.
+#: Bursts: as many at least, half of them without a gap, of as many samples on average, with no more than this share of
+#: the time within one.
 _BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
 
 
 def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     """Stamps at the mean rate and a sentence, where a logger stamps in bursts; else None.
 
-    Bursts come at regular intervals of at most `JUMP_AHEAD`; a longer one, unless its
-    samples are delivered at its end, or a step back, begins anew. The last sample of
-    one is the newest, so that a line through these has the rate.
+    Bursts come at regular intervals of at most `JUMP_AHEAD`; a longer one, or a step back, begins anew. The last sample
+    of one is the newest, so that a line through these has the rate.
 
     Examples
     --------
@@ -154,43 +154,30 @@ def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
     True
     """
     steps = sample_intervals(time)
-    if steps.size < _BURSTS * _LEAST:
-        return None
     with np.errstate(over="ignore"):
-        ends = np.flatnonzero(steps > HOLE * np.median(steps))
-        between = steps[ends]
-        if between.size < _BURSTS:
+        last = np.append((steps < 0) | (steps > HOLE * np.median(steps)), True) if steps.size else np.empty(0)
+        if np.count_nonzero(last) <= _BURSTS:
             return None
-        sizes, usual = np.diff(ends, append=time.size - 1), np.median(between)
-        delivered = sizes >= 0.7 * np.median(sizes) * between / usual
-        gaps = ends[(between > JUMP_AHEAD) | ((between > _LEAST * usual) & ~delivered)]
-    parts = np.split(time, np.union1d(np.flatnonzero(steps < 0), gaps) + 1)
-    lines = [_steadied(part) for part in parts]
-    sentence = next((line[1] for line in lines if line is not None), None)
-    if sentence is None:
+        longest = min(JUMP_AHEAD, _LEAST * float(np.median(steps[last[:-1]])))
+        parts = np.split(np.arange(time.size), np.flatnonzero((steps < 0) | (steps > longest)) + 1)
+    rows = max(parts, key=len)
+    ends = np.flatnonzero(last[rows])
+    sizes, between = np.diff(ends), np.diff(time[rows][ends])
+    inside = time[rows][ends[1:]] - time[rows][ends[:-1] + 1]
+    period = float(np.median(between)) if ends.size > _BURSTS / 2 else 0.0
+    if not period > 0.0 or np.median(sizes) < _LEAST or ends.size * _LEAST > rows.size:
         return None
-    return np.concatenate(
-        [part if line is None else line[0] for part, line in zip(parts, lines, strict=True)]
-    ), sentence
-
-
-def _steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
-    """`steadied` of stamps without a gap or a step back."""
-    steps = sample_intervals(time)
-    if steps.size < _BURSTS * _LEAST:
-        return None
-    ends = np.flatnonzero(steps > HOLE * np.median(steps))
-    if ends.size < _BURSTS or ends.size * _LEAST > time.size or np.median(np.diff(ends)) < _LEAST:
-        return None
-    inside, between = time[ends[1:]] - time[ends[:-1] + 1], np.diff(time[ends])
-    period = float(np.median(between))
     if np.median(inside) > _WITHIN * period or np.mean(np.abs(between - period) < period / 2) < 1 - _WITHIN:
         return None
-    rate, start = np.polyfit(ends, time[ends], 1)
-    line: FloatArray = start + rate * np.arange(time.size)
-    if np.abs(line[ends] - time[ends]).max() > period or np.abs(line - time).max() > period + steps.max():
-        return None
-    return line, (
+    rate = float(np.polyfit(ends, time[rows][ends], 1)[0])
+    even = time.copy()
+    for part in parts:
+        number, newest = np.arange(part.size), last[part]
+        line = rate * number + np.median((time[part] - rate * number)[newest])
+        late, stall = time[part] - line, steps[max(part[0] - 1, 0) : part[-1]].max(initial=0.0)
+        if np.abs(late[newest]).max() <= period and -period <= late.min() and late.max() <= period + stall:
+            even[part] = line
+    return even, (
         f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
         f"the mean rate of {1 / rate:.5g} Hz is used instead."
     )
