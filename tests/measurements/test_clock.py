@@ -65,9 +65,9 @@ def test_repeats_late_samples_and_samples_without_a_stamp_are_reported_and_dropp
     assert repaired.time.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4]
     assert repaired.rows.tolist() == [0, 1, 3, 4, 7]
     assert repaired.messages == (
-        "1 sample repeats the time stamp of another (row 4); the later one is kept.",
-        "1 sample out of order in time (row 6) is dropped.",
-        "1 sample without a time stamp (row 7) is dropped.",
+        "samples with the time stamp of an earlier one replace it: 1 (row 4).",
+        "samples out of order in time are dropped: 1 (row 6).",
+        "samples without a time stamp are dropped: 1 (row 7).",
     )
 
 

@@ -165,7 +165,7 @@ def test_the_repairs_of_read_are_shown_with_a_map(save):
     entries |= {"duty_supply": Channel("A", unit="1"), "duty_exhaust": Channel("B", unit="1")}
     seen = look(path, channels=ChannelMap(entries))
     assert seen.problems == ()
-    assert any("repeats the time stamp of another" in warning for warning in seen.warnings)
+    assert any("with the time stamp of an earlier one" in warning for warning in seen.warnings)
     assert seen.rasters[0].time.repeated == 1
     bad = look(path, channels=ChannelMap({**entries, "duty_supply": Channel("Weg", unit="1")}))
     assert any("is not a duty cycle" in problem for problem in bad.problems)

@@ -187,12 +187,8 @@ def _gaps(columns: Sequence[_Column]) -> list[str]:
     for _, missing in empty:
         anywhere[missing] = True
     names = " or ".join(f"'{column.heading.text}'" for column, _ in empty)
-    complete = np.flatnonzero(~anywhere)
-    at_ends = bool(complete.size) and bool(anywhere[0] or anywhere[-1])
-    then = ["each gap ends a segment"] if not at_ends or bool((np.diff(complete) > 1).any()) else []
-    then += ["the recording is used from its first to its last sample with all inputs"] if at_ends else []
     where = columns[0].places.ranges(np.flatnonzero(anywhere))
-    return [f"input {names} is missing in {where}: {', and '.join(then)}."]
+    return [f"input {names} is missing in {where}: the recording is used up to each gap, and from behind it on."]
 
 
 def _hole_warning(column: _Column) -> list[str]:

@@ -272,13 +272,12 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
             for change in group[:SHOWN]
         ]
         where = listed(shown, total=len(group))
-        count = int(sum(change.amount for change in group)) if kind == "lone" else 0
-        noun = "1 time stamp is" if count == 1 else f"{count:,} time stamps are"
+        count = int(sum(change.amount for change in group if kind == "lone"))
         amounts = listed([quantity(change.amount, "s") for change in group[:SHOWN]], total=len(group))
         yield {
             "restart": f"the clock restarts at {where}; each run becomes a separate segment, "
             f"{quantity(apart, 's')} after the previous one.",
-            "lone": f"{noun} far from those around, and left out: {where}.",
+            "lone": f"time stamps far from those around them are left out: {count:,}, at {where}.",
             "excursion": f"the clock jumps at {where} and later goes on as before; what is between is moved by "
             f"{amounts}.",
         }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on.")

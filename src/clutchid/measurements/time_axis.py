@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from clutchid.log import HOLE, INPUTS, FloatArray, Samples
 from clutchid.measurements.clock import AT_START, JUMP_AHEAD, Clock, Tolerance, runs_of, sentences, shifts_of
 from clutchid.measurements.source import Places, Rows
-from clutchid.messages import quantity, sample_count
+from clutchid.messages import quantity
 
 
 def hole_starts(time: FloatArray) -> NDArray[np.int64]:
@@ -84,7 +84,7 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
     >>> [round(float(t), 6) for t in found.time]
     [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.6, 2.7]
     >>> print(*found.messages, sep="\\n")
-    1 sample repeats the time stamp of another (row 3); the later one is kept.
+    samples with the time stamp of an earlier one replace it: 1 (row 3).
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
     rows, time, said, after = clocked = on_clock(stamps, places, clock, shared=shared)
@@ -95,14 +95,14 @@ def repair(stamps: FloatArray, places: Places, clock: Clock = AT_START, *, share
         rows, time = rows[order], time[order]
     ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]]
     late, same = time < ahead, time == ahead
-    messages = (
-        *_repeats(rows[same], places),
-        *_dropped(rows[late], places, "out of order in time"),
-        *_dropped(np.flatnonzero(~np.isfinite(stamps)), places, "without a time stamp"),
-        *said,
-    )
+    changed = {
+        "with the time stamp of an earlier one replace it": rows[same],
+        "out of order in time are dropped": rows[late],
+        "without a time stamp are dropped": np.flatnonzero(~np.isfinite(stamps)),
+    }
+    messages = [f"samples {what}: {r.size:,} ({places.ranges(r)})." for what, r in changed.items() if r.size]
     last = _last_of_each(time, late | (time == clock.last))  # the previous block may end at this time stamp
-    return RepairedTime(rows[last], time[last], messages, after)
+    return RepairedTime(rows[last], time[last], (*messages, *said), after)
 
 
 def on_clock(stamps: FloatArray, places: Places, clock: Clock, *, shared: bool) -> RepairedTime:
@@ -187,19 +187,6 @@ def _last_of_each(time: FloatArray, late: NDArray[np.bool_]) -> NDArray[np.int64
     """Of the samples that are not late, the last one of each time stamp."""
     rows = np.flatnonzero(~late)
     return rows[np.append(time[rows[1:]] != time[rows[:-1]], True)] if rows.size else rows
-
-
-def _repeats(rows: NDArray[np.int64], places: Places) -> list[str]:
-    if not rows.size:
-        return []
-    verb = "repeats the time stamp" if rows.size == 1 else "repeat the time stamps"
-    other = "another" if rows.size == 1 else "others"
-    return [f"{sample_count(rows.size)} {verb} of {other} ({places.ranges(rows)}); the later one is kept."]
-
-
-def _dropped(rows: NDArray[np.int64], places: Places, what: str) -> list[str]:
-    verb = "is" if rows.size == 1 else "are"
-    return [f"{sample_count(rows.size)} {what} ({places.ranges(rows)}) {verb} dropped."] if rows.size else []
 
 
 class SampleBlock(NamedTuple):

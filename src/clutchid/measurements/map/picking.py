@@ -83,12 +83,9 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
     warning = ""
     if heading.unit is None and named:
         warning = f"time: the unit [{unit}] is taken from the name of the channel '{heading.text}'."
-    elif heading.unit is None and means_time(heading.text):
-        warning = f"time: '{heading.text}' has no unit; [s] is guessed. Give another one in [time] of a channel map."
     elif heading.unit is None:
-        warning = (
-            f"time: '{heading.text}' increases and is taken for time in [s], a guess; add [time] to a channel map."
-        )
+        reason = "has no unit" if means_time(heading.text) else "increases and is taken for time"
+        warning = f"time: '{heading.text}' {reason}; [s] is guessed. Give another one in [time] of a channel map."
     return replace(heading, name="time", unit=unit), warning
 
 
