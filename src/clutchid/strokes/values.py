@@ -18,6 +18,7 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, all_of, sample_interval
 from clutchid.log.states import SENSORS
 from clutchid.measurements import DUTY_ROUNDING, check_duties
+from clutchid.messages import sample_count
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
@@ -242,7 +243,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     >>> y = np.where((t > 0.5) & (t < 0.5025), 65.535e-3, 1e-5 * np.sin(40 * t))
     >>> values = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
     >>> values.faults[0].sentence
-    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
+    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm), taken as missing.'
     """
     judged: Any = log.derived.get(values_of)
     if judged is not None and _within(judged[2], actuator):
@@ -290,12 +291,10 @@ def with_inputs_in_range(log: Log) -> Log:
         If they are many.
     """
     check_duties(log)
-    missing: dict[str, BoolArray] = {}
-    for name in INPUTS:
-        if name in log:
-            _out_of_range(log, name, missing)
-    columns = {name: np.where(mask, np.nan, log[name]) for name, mask in missing.items()}
-    return log.with_columns(**columns) if columns else log
+    wrong = {name: mask for name in INPUTS if name in log and (mask := outside(name, log[name])).any()}
+    return (
+        log.with_columns(**{name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items()}) if wrong else log
+    )
 
 
 #: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit: a
@@ -312,7 +311,7 @@ def within_rounding(duty: FloatArray) -> FloatArray:
 
 
 def outside(name: str, values: FloatArray) -> BoolArray:
-    """Whether each of the values is no duty cycle, or no pressure of an air supply; False where it is missing."""
+    """Whether each value is no duty cycle, or no pressure of an air supply; False where it is missing."""
     low, high = _RANGES[name]
     return (values < low) | (values > high)
 
@@ -323,13 +322,12 @@ _BEYOND = {
     "pressure_supply": "outside what an air supply has (3 to 16 bar absolute)",
     **dict.fromkeys(INPUTS, "outside 0 to 1"),
 }
+#: Columns that stand still together where a logger repeats its samples.
+_WATCHED = frozenset(["position", "pressure_a", "pressure_supply", *INPUTS])
 _STEP = {"position": "than a piston moves", "pressure_a": "than a valve fills"}
 
 
 def _out_of_range(log: Log, name: str, missing: dict[str, BoolArray]) -> list[Fault]:
-    low, high = _RANGES[name]
-    if low <= np.fmin.reduce(log[name]) and np.fmax.reduce(log[name]) <= high:
-        return []
     wrong = outside(name, log[name])
     if not wrong.any():
         return []
@@ -372,27 +370,23 @@ def _add_faults(
     beyond, steps = verdicts == rule.BEYOND, verdicts == rule.STEP
     if _too_many(log, name, beyond | steps):
         return
-    missing[name] = missing.get(name, np.zeros(len(log), dtype=bool)) | beyond | steps
-    new = [_fault(log, name, "beyond", beyond, _BEYOND[name])] if beyond.any() else []
+    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
+    missing[name] = missing.get(name, False) | beyond | steps
+    if beyond.any():
+        faults.append(_fault(log, name, "beyond", beyond, _BEYOND[name]))
     if steps.any():
-        words = f"further from those before {_STEP[name]} in that time"
-        new.append(_fault(log, name, "step", steps, words))
+        faults.append(_fault(log, name, "step", steps, f"further from those before {_STEP[name]} in that time"))
     repeated = _repeated(log, name, verdicts, since)
     if repeated.any() and not any(fault.kind == "repeated" for fault in faults):
-        for channel in log.columns.keys() & {"position", "pressure_a", "pressure_supply", *INPUTS}:
+        words = "that repeat the ones before, as of a logger that hangs"
+        faults.append(_fault(log, "all channels", "repeated", repeated, words))
+        for channel in log.columns.keys() & _WATCHED:
             missing[channel] = missing.get(channel, False) | repeated
-        new.append(
-            _fault(log, "all channels", "repeated", repeated, "that repeat the ones before, as of a logger that hangs")
-        )
-    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
     for i in seams:
-        if log.time[i] in seam_times:
-            continue
-        for channel in INPUTS:
-            missing[channel] = missing.get(channel, np.zeros(len(log), dtype=bool)).copy()
-            missing[channel][i] = True
-        new.append(_seam(log, name, i, missing[name]))
-    faults += new
+        if log.time[i] not in seam_times:
+            for channel in INPUTS:
+                missing[channel] = missing.get(channel, False) | (np.arange(len(log)) == i)
+            faults.append(_seam(log, name, i, missing[name]))
 
 
 def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list[int]:
@@ -418,7 +412,7 @@ def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list
 def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> BoolArray:
     """Samples that a logger repeated in all channels; a column at its own limit is saturated, not repeated."""
     repeated, values = np.zeros(len(log), dtype=bool), log[name]
-    others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
+    others = [log[other] for other in log.columns.keys() & _WATCHED]
     for a, b in runs(verdicts == rule.REPEATED):
         first = int(np.argmin(np.abs(log.time - since[a, 0])))
         end = b + int(np.argmax(np.append(values[b:] != values[a], True)))
@@ -440,12 +434,7 @@ def _fault(log: Log, name: str, kind: str, wrong: BoolArray, words: str) -> Faul
     """A fault of samples that become missing."""
     count, first = int(wrong.sum()), int(np.argmax(wrong))
     shown = f" ({_shown(name, float(log[name][first]))})" if name in log else ""
-    at = f"at {log.time[first]:.3f} s{shown}"
-    sentence = (
-        f"{name}: {count:,} samples {words}, the first {at}: they count as missing."
-        if count > 1
-        else f"{name}: a sample {words}, {at}: it counts as missing."
-    )
+    sentence = f"{name}: {sample_count(count)} {words}, the first at {log.time[first]:.3f} s{shown}, taken as missing."
     return Fault(name, kind, count, float(log.time[first]), sentence)
 
 
