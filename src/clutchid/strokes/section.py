@@ -15,17 +15,7 @@ from clutchid.strokes.stream import joined_edges
 
 SectionKind = Literal["stroke", "rest"]
 
-#: Labels of strokes and of rests, in the field's words.
-STROKE_LABELS = (
-    "full stroke",
-    "partial stroke",
-    "gear shift",
-    "pull-away",
-    "slip control",
-    "ramp",
-    "staircase",
-    "bang-bang",
-)
+#: Labels of rests, in the field's words; those of strokes are `clutchid.strokes.borders.STROKE_LABELS`.
 RESTS = ("vented rest", "held", "no position")
 
 
