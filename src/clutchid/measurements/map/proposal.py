@@ -7,8 +7,9 @@ so a candidate that is unclear is left out with a note.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
@@ -25,7 +26,7 @@ from clutchid.measurements.map.channel_words import (
     name_score,
 )
 from clutchid.measurements.map.picking import own_clock
-from clutchid.measurements.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
+from clutchid.measurements.map.ranges import PLAUSIBLE, Range, gauge_unit, guessed_unit, range_of
 from clutchid.measurements.source import Raster, Source
 from clutchid.messages import listed
 
@@ -63,6 +64,11 @@ class Candidate:
     implied: str = ""
 
     @property
+    def place(self) -> tuple[str, str]:
+        """Names of its time grid and of the channel."""
+        return self.raster.name, self.heading.text
+
+    @property
     def circuit(self) -> Circuit | None:
         """Source of the air of a supply pressure, as its name says; None under the standard name."""
         named = self.name != "pressure_supply" or self.score >= STANDARD
@@ -83,7 +89,7 @@ class Candidate:
         return bool(self.flag), self.name in INPUTS and self.heading.unit is None, -self.score
 
 
-def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]:
+def _candidates(source: Source, name: str, ranges: Callable[..., Range]) -> Iterator[Candidate]:
     """Channels that are called like the quantity `name`, and have a unit of it or none."""
     for index, raster in enumerate(source.rasters):
         clock, _ = own_clock(raster)
@@ -94,7 +100,7 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             score = _score(name, heading)
             if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
                 continue
-            span = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
+            span = ranges(index, heading.index, further=score < STANDARD and name not in PLAUSIBLE)
             span = span._replace(constant=span.constant and score < STANDARD)
             unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
             candidate = Candidate(name, raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
@@ -204,14 +210,15 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     DataError
         If samples cannot be read.
     """
-    ranges = Ranges(source)
-    timed = _timed(source, ranges)
+    ranges = cache(partial(range_of, source))
+    timed = _timed(source)
     channels: dict[str, Channel] = {}
     remarks: list[str] = []
     notes: list[str] = []
     unused: dict[str, list[Candidate]] = {}
+    taken: set[tuple[str, str]] = set()
     for name in QUANTITIES:
-        named = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
+        named = [candidate for candidate in _candidates(source, name, ranges) if candidate.place not in taken]
         notes += filter(None, map(_implausible, named))
         ranked = _ranked(name, named)
         if not ranked or (name == "time" and timed and not (source.tabular and len(source.rasters) == 1)):
@@ -224,6 +231,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
             notes.append(f"{remark} It is left out; add the right one to a channel map.")
             continue
         channels[name] = _entry(source, best)
+        taken.add(best.place)
         remarks += [remark] if remark else []
         notes += _notes(best, [other for other in others if other.rank != best.rank])
     missing = [name for name in required if name not in channels and not (name == "time" and timed)]
@@ -240,19 +248,17 @@ def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
         If there is none; the text lists what is open.
     """
     proposal = propose(source, required)
+    entries, standard = proposal.channels.channels, {heading.text: heading.name for heading in source.headings}
+    by_other_names = any(standard[entry.channel] != name for name, entry in entries.items())
     if proposal.complete:
-        return replace(proposal.channels, comment="\n".join(_identified(source, proposal)))
-    if not source.rasters or (source.tabular and (means_the_contract(source) or not _by_other_names(source, proposal))):
+        assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in entries.items())
+        note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
+        return replace(proposal.channels, comment="\n".join([*([note] if by_other_names else []), *proposal.notes]))
+    if not source.rasters or (source.tabular and (means_the_contract(source) or not by_other_names)):
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
     rename = _units_to_write(source, proposal) if source.tabular else []
     raise DataError.of(str(source.path), [*source.problems, *proposal.open, *rename, save])
-
-
-def _by_other_names(source: Source, proposal: Proposal) -> bool:
-    """Whether a channel was identified by another name than the standard one."""
-    standard = {heading.text: heading.name for heading in source.headings}
-    return any(standard[entry.channel] != name for name, entry in proposal.channels.channels.items())
 
 
 def means_the_contract(source: Source) -> bool:
@@ -271,32 +277,16 @@ def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
     return [f"write units in brackets behind the names: {', '.join(headings)}, if that is right."] if headings else []
 
 
-def _identified(source: Source, proposal: Proposal) -> list[str]:
-    """Warnings about channels that were identified by other names than the standard ones."""
-    if not _by_other_names(source, proposal):
-        return list(proposal.notes)
-    assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in proposal.channels.channels.items())
-    note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
-    return [note, *proposal.notes]
-
-
-def _timed(source: Source, ranges: Ranges) -> bool:
+def _timed(source: Source) -> bool:
     """Whether the file defines the time of every time grid, and no interval contradicts its unit."""
     for index, raster in enumerate(source.rasters):
         clock, _ = own_clock(raster)
         if clock is None:
             return False
         undefined = any(heading.index == clock.index and heading.unit is None for heading in raster.headings)
-        if undefined and guessed_unit("time", ranges(index, clock)) not in (clock.unit, None):
+        if undefined and guessed_unit("time", range_of(source, index, clock.index)) not in (clock.unit, None):
             return False
     return bool(source.rasters)
-
-
-def _taken(candidate: Candidate, channels: Mapping[str, Channel]) -> bool:
-    return any(
-        entry.channel == candidate.heading.text and entry.group in (None, candidate.raster.name)
-        for entry in channels.values()
-    )
 
 
 def _ranked(name: str, named: Sequence[Candidate]) -> list[Candidate]:
