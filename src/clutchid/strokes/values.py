@@ -88,8 +88,8 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
 #: Of each measured column the least and the largest limits for which its samples are judged alike.
 Bounds: TypeAlias = Mapping[str, tuple[FloatArray, FloatArray]]
 
-#: Entries of the limits that may be larger for samples without a step, and a share of them by which
-#: such a recording is judged when a second actuator asks: then it holds for nearly all that follow.
+#: Entries of the limits that may be larger for samples without a step, and a share of them by which a recording is
+#: judged first: then it holds for nearly all actuators that follow.
 _RATES, _SHARE = [rule.SPEED, rule.ACCELERATION], 0.5
 
 
@@ -259,7 +259,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     interval = sample_interval(log.time, 0.0) if measured else 0.0
     bounds = dict[str, tuple[FloatArray, FloatArray]]()
     for name in measured if interval > 0.0 else ():
-        bounds[name] = _judge(log, name, limits(actuator, name, interval), judged is not None, missing, faults)
+        bounds[name] = _judge(log, name, limits(actuator, name, interval), missing, faults)
     if not faults:
         log.derived[values_of] = None, (), bounds
         return Values(log, (), bounds)
@@ -343,14 +343,14 @@ def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
 
 
 def _judge(
-    log: Log, name: str, bounds: FloatArray, tighter: bool, missing: dict[str, BoolArray], faults: list[Fault]
+    log: Log, name: str, bounds: FloatArray, missing: dict[str, BoolArray], faults: list[Fault]
 ) -> tuple[FloatArray, FloatArray]:
     """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
 
-    The rates only limit steps: without one, larger rates change nothing. `tighter`: smaller ones are tried first.
+    The rates only limit steps: without one, larger rates change nothing. Smaller ones are tried first.
     """
     duties, least, largest = log.duties(), bounds, bounds
-    for share in (_SHARE, 1.0) if tighter else (1.0,):
+    for share in (_SHARE, 1.0):
         narrow, wide = bounds.copy(), bounds.copy()
         narrow[_RATES] *= share
         wide[_RATES] = np.inf
