@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from clutchid.measurements.clock import AT_START, Tolerance, matched, moved, runs_of
+from clutchid.measurements.clock import AT_START, Tolerance, matched, moved, repair, runs_of, steadied
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import repair, steadied
 from clutchid.model import Actuator
 from clutchid.observer.gaps import longest
 from clutchid.strokes.values import limits
@@ -83,17 +82,6 @@ def repaired(stamps):
     return result.time, result.messages
 
 
-@pytest.mark.parametrize(
-    ("period", "said"), [(65.536, "counter of 16 bits"), (4294.967296, "counter of 32 bits"), (86400.0, "midnight")]
-)
-def test_a_counter_that_wraps_and_a_time_of_day_go_on(period, said):
-    true = period - 5.0 + RUN
-    time, (sentence,) = repaired(true % period)
-    assert np.allclose(time, true, rtol=0, atol=1e-9)
-    assert said in sentence
-    assert "row 501" in sentence
-
-
 @pytest.mark.parametrize("ahead", [6.0, -6.0, 4e9, -0.5])
 @pytest.mark.parametrize("rows", [[500], [500, 501], [200, 700]])
 def test_one_or_two_stamps_far_from_those_around_them_are_left_out(ahead, rows):
@@ -103,15 +91,6 @@ def test_one_or_two_stamps_far_from_those_around_them_are_left_out(ahead, rows):
     assert np.array_equal(result.rows, np.delete(np.arange(1000), rows))
     assert np.array_equal(result.time, np.delete(RUN + 7.0, rows))
     assert any("left out" in sentence for sentence in result.messages)
-
-
-@pytest.mark.parametrize("jump", [4e5, 30.0, -3.0])
-def test_a_clock_that_jumps_and_later_goes_on_as_before_is_moved_between(jump):
-    stamps = RUN + 5.0
-    stamps[300:500] += jump
-    time, (sentence,) = repaired(stamps)
-    assert np.allclose(time, RUN + 5.0, rtol=0, atol=1e-6)
-    assert "jumps at row 301" in sentence
 
 
 def test_a_hole_is_no_jump():

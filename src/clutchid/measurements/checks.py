@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import COLUMNS, INPUTS, FloatArray, Log
 from clutchid.log.units import UNITS, to_si
+from clutchid.measurements.clock import hole_starts, usual_interval
 from clutchid.measurements.columns import Heading
 from clutchid.measurements.source import Places, Table
-from clutchid.measurements.time_axis import hole_starts, usual_interval
 from clutchid.messages import SHOWN, listed, quantity
 
 #: Ambient pressure in Pa that is added to gauge pressures where none is known: the standard atmosphere, ISO 2533.

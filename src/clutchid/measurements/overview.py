@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray
+from clutchid.measurements.clock import sample_intervals, usual_interval
 from clutchid.measurements.map.proposal import Proposal
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import sample_intervals, usual_interval
 from clutchid.messages import SHOWN, listed, sample_count, text_table
 from clutchid.names import printable
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
+from clutchid.measurements.clock import usual_interval
 from clutchid.measurements.live.order import (
     FIRST,
     ArrivedBatch,
@@ -18,7 +19,7 @@ from clutchid.measurements.live.order import (
     sorted_in,
 )
 from clutchid.measurements.map.channel_map import PickedChannels
-from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
+from clutchid.measurements.time_axis import SampleBlock, align
 
 #: Entry of the metadata: the stamp of the source in s that is the time 0 of the recording.
 ORIGIN = "origin_s"

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log.units import UNITS
+from clutchid.measurements.clock import usual_interval
 from clutchid.measurements.columns import QUANTITIES
 from clutchid.measurements.source import Source
-from clutchid.measurements.time_axis import usual_interval
 
 #: Number of samples that determine the range of a channel; a constant one is read on for as many blocks.
 _SAMPLED = 1 << 16
