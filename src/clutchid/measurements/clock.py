@@ -405,11 +405,11 @@ def repair(
     the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
     """
     rows, time, said, after = _on_clock(stamps, places, clock, shared=shared)
-    unstamped = ~np.isfinite(stamps)
     if mask is not None:
-        rows, time, unstamped = rows[mask[rows]], time[mask[rows]], unstamped & mask
+        rows, time = rows[mask[rows]], time[mask[rows]]
     after = replace(after, last=float(max(clock.last, time.max(initial=-math.inf))))
-    if not unstamped.any() and (time > np.append(clock.last, time[:-1])).all():
+    complete = rows.size == (stamps.size if mask is None else np.count_nonzero(mask))
+    if complete and (time > np.append(clock.last, time[:-1])).all():
         return RepairedTime(rows, time, said, after)
     if shared and time.size and (np.diff(time) < 0).any():
         order = np.argsort(time, kind="stable")
@@ -419,7 +419,7 @@ def repair(
     changed = {
         "with the time stamp of an earlier one replace it": rows[same],
         "out of order in time are dropped": rows[late],
-        "without a time stamp are dropped": np.flatnonzero(unstamped),
+        "without a time stamp are dropped": np.flatnonzero(~np.isfinite(stamps) & (mask is None or mask)),
     }
     messages = [f"samples {what}: {r.size:,} ({places.ranges(r)})." for what, r in changed.items() if r.size]
     samples = np.flatnonzero(~late & (time != clock.last))  # the previous block may end at this time stamp
