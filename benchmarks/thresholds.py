@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from forms import forms, outcome
 
-from clutchid.measurements import clock, columns, conversion, grids, sparse, time_axis
+from clutchid.measurements import clock, columns, conversion, grids, sparse
 
 #: Module, name, unit, and where the value comes from.
 THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
@@ -29,9 +29,9 @@ THRESHOLDS: tuple[tuple[Any, str, str, str], ...] = (
     (clock, "_AHEAD", "runs", "a guess: runs that are looked at before a jump is taken for a restart"),
     (clock, "_NEAR", "", "a guess: groups of one logger stop within a tenth of their length"),
     (clock, "_SURE", "", "a period is recognised to five intervals: a fiftieth of the shortest, 65.5 ms, is 1.3 ms"),
-    (time_axis, "_BURSTS", "bursts", "a guess: as many as give a rate to a percent"),
-    (time_axis, "_LEAST", "samples", "between a pair, as of a repeated stamp, and the bursts of 16 of data/hunt (40)"),
-    (time_axis, "_WITHIN", "", "bursts of data/hunt (40) take less than a hundredth of their period"),
+    (clock, "_BURSTS", "bursts", "a guess: as many as give a rate to a percent"),
+    (clock, "_LEAST", "samples", "between a pair, as of a repeated stamp, and the bursts of 16 of data/hunt (40)"),
+    (clock, "_WITHIN", "", "bursts of data/hunt (40) take less than a hundredth of their period"),
     (conversion, "_PLACED", "", "a guess: whole seconds of a recording at 10 Hz leave a tenth"),
     (sparse, "_ENOUGH", "samples", "a guess"),
     (sparse, "_WITHOUT", "", "above the 10 % of dropouts of a bad sensor, below the half of two equal grids"),

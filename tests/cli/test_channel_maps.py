@@ -102,6 +102,7 @@ def test_a_proposal_that_lacks_the_valves_names_candidates_and_says_that_it_is_n
     assert "duty_supply: no channel name matches; add it to the map (candidates: 'Ventil_auf', 'Ventil_zu')." in said
     assert "without both duty cycles the supply pressure cannot be checked" in said
     assert said.endswith("It is not complete: correct it as the lines with - above say, then check it with --map.\n")
+    assert "\n# duty_supply: no channel name matches; add it to the map (candidates:" in chosen.read_text()
     chosen.write_text(
         chosen.read_text() + '[duty_supply]\nchannel = "Ventil_auf"\n[duty_exhaust]\nchannel = "Ventil_zu"\n'
     )

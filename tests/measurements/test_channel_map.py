@@ -1,7 +1,5 @@
 """Channel maps as files: what is written is read again, and everything wrong with one is told at once."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,7 +7,7 @@ from hypothesis import strategies as st
 from clutchid.errors import DataError, ParameterError
 from clutchid.log.units import known_units
 from clutchid.measurements.columns import QUANTITIES
-from clutchid.measurements.map.channel_map import Channel, ChannelMap, map_text, read_map, write_map
+from clutchid.measurements.map.channel_map import Channel, ChannelMap, read_map, write_map
 from fixtures.cases import case_tables
 
 CASES = case_tables(__file__, "test_channel_map")
@@ -44,24 +42,6 @@ def test_what_is_written_is_read_again(tmp_path_factory, items, raster, rate, db
     )
     write_map(content, folder / "MAP.toml")
     assert read_map(folder / "MAP.toml") == content
-
-
-def test_a_missing_quantity_is_a_block_to_be_filled_in_and_read_once_it_is(save):
-    comments = {"position": "0 to 20 mm", "duty_exhaust": "candidates: 'A'", "rate": "samples per second"}
-    text = map_text(ChannelMap({"position": Channel("Weg")}, comments=comments), Path())
-    assert "\n\n# rate = ?  # samples per second\n\n# 0 to 20 mm\n[position]\n" in text
-    assert "\n# [duty_exhaust]\n# channel = \"?\"  # candidates: 'A'\n" in text
-    filled = (
-        text.replace("# rate = ?", "rate = 1000.0")
-        .replace("# [duty", "[duty")
-        .replace('# channel = "?"', 'channel = "A"')
-    )
-    channel_map = read_map(save(filled, "MAP.toml"))
-    assert channel_map.rate == 1000.0
-    assert {name: entry.channel for name, entry in channel_map.channels.items()} == {
-        "position": "Weg",
-        "duty_exhaust": "A",
-    }
 
 
 @pytest.mark.parametrize(("text", "problem"), CASES["maps"])

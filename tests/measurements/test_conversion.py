@@ -173,7 +173,7 @@ def test_a_position_that_increases_is_no_time(source, name, unit):
     ("name", "usual", "words"),
     [
         ("t", 1e-2, "'t' has no unit; [s] is guessed"),
-        ("curve(:,1)", 1e-2, "'curve(:,1)' increases and is taken for time in [s], a guess"),
+        ("curve(:,1)", 1e-2, "'curve(:,1)' increases and is taken for time; [s] is guessed"),
         ("t_ms", 1e-5, "the unit [ms] is taken from the name of the channel 't_ms'"),
     ],
 )

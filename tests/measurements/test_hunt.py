@@ -199,7 +199,7 @@ def test_a_recorded_supply_that_falls_is_said(hunt):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("25r_spikes.parquet", "30 samples beyond the stops, the first at 0.038 s (65.5 mm): they count as missing"),
+        ("25r_spikes.parquet", "30 samples beyond the stops, the first at 0.038 s (65.5 mm), taken as missing"),
         ("25j_rezero_mid.parquet", "position jumps by +1.06 mm at 15.000 s, faster than a piston moves, and stays"),
     ],
 )

@@ -52,8 +52,8 @@ def test_every_kind_of_number_is_read_and_null_is_missing(parquet):
 def test_problems_are_located_by_row(parquet):
     columns = GOOD | {"time [ms]": [0.0, None, 0.0]}
     repeated, missing = cio.read(parquet(columns)).warnings
-    assert "stamp of another (row 3);" in repeated
-    assert "without a time stamp (row 2)" in missing
+    assert "stamp of an earlier one replace it: 1 (row 3)" in repeated
+    assert "without a time stamp are dropped: 1 (row 2)" in missing
     with pytest.raises(DataError, match="row 3 has -1;"):
         cio.read(parquet(columns | {"duty_exhaust [1]": [0.0, 0.0, -1.0]}))
 

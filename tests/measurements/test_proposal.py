@@ -47,8 +47,6 @@ def test_a_map_is_proposed_from_names_units_and_ranges(source, case):
     entries = proposal.channels.channels
     assert {name: entries[name].unit for name in case.get("units", {})} == case.get("units", {})
     assert proposal.complete == case.get("complete", proposal.complete), proposal.open
-    comments = {name: proposal.channels.comments.get(name, "") for name in case.get("comments", {})}
-    assert comments == case.get("comments", {})
     for said, sentences in (("open", proposal.open), ("notes", proposal.notes)):
         assert [part for part in case.get(said, []) if not any(part in sentence for sentence in sentences)] == []
 
@@ -97,9 +95,9 @@ def test_the_unit_of_time_is_guessed_from_the_interval(source, interval, unit):
 
 def test_standard_names_need_no_warning_that_they_were_identified(source):
     columns = {"time": ("s", TIME), "position": ("mm", TIME), "force": ("N", TIME)}
-    assert map_for(source(columns), ("time", "position", "force")).comments[""] == ""
+    assert map_for(source(columns), ("time", "position", "force")).comment == ""
     other = {"time": ("s", TIME), "Weg": ("mm", TIME), "force": ("N", TIME)}
-    assert "were identified by their names" in map_for(source(other), ("position", "force")).comments[""]
+    assert "were identified by their names" in map_for(source(other), ("position", "force")).comment
 
 
 PERCENT = np.linspace(0.0, 100.0, 100)
@@ -126,4 +124,4 @@ def test_a_duty_cycle_with_a_unit_is_proposed_before_what_lies_beside_it_which_i
     assert chosen(proposal)["duty_exhaust"] == duty.format("Ent")
     assert proposal.complete, proposal.open
     (note,) = [note for note in proposal.notes if note.startswith("duty_supply")]
-    assert note.startswith(f"duty_supply: '{best}' is proposed; by name it may also be '{other}' (")
+    assert note.startswith(f"duty_supply: '{best}' is proposed; by name it may also be '{other}'")

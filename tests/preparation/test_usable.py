@@ -9,7 +9,7 @@ from clutchid.preparation.inspection import inspect
 from clutchid.preparation.prepare import with_usable_samples
 from clutchid.simulation import simulate
 
-SENTENCE = "position: 2 samples beyond the stops, the first at 0.700 s (65.53 mm): they count as missing."
+SENTENCE = "position: 2 samples beyond the stops, the first at 0.700 s (65.53 mm), taken as missing."
 
 
 @pytest.fixture(scope="module")

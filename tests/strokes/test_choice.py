@@ -120,7 +120,7 @@ def test_what_cannot_be_joined_is_refused(made, full_strokes):
     bare = list(sections_of(made(full_strokes([2.0], 6.0), inputs=False)))
     with pytest.raises(DataError, match="no section is given"):
         joined([])
-    with pytest.raises(DataError, match="different columns"):
+    with pytest.raises(DataError, match="other columns"):
         joined([sections[0], bare[1]])
     with pytest.raises(DataError, match="join disjoint sections"):
         joined([sections[1], sections[1]])

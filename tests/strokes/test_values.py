@@ -137,7 +137,7 @@ def test_a_recording_without_a_step_is_judged_once_for_all_actuators(log, kind):
     first = values_of(recording := Log(log.time, columns), ACTUATOR)
     for supply in (8.2e5, 10e5):
         other = ACTUATOR.replace(P_S=supply)
-        assert first.hold_for(other) == (supply > ACTUATOR.parameters.P_S), "larger rates change nothing"
+        assert first.hold_for(other)
         again = values_of(recording, other)
         judged = values_of(Log(log.time, columns), other)
         assert again.hold_for(other)

@@ -7,11 +7,11 @@ while a condition holds, arithmetic, minimum and maximum, and calls of each othe
 from __future__ import annotations
 
 import ast
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from inspect import getsource
+from operator import attrgetter
 from types import ModuleType
 from typing import Any
 
@@ -217,11 +217,12 @@ class _Printer:
         kind = "real"
         match node:
             case ast.Name():
-                is_int = isinstance(getattr(self.module, node.id, None), int)
-                kind = types.get(node.id) or ("int" if is_int else "real")
+                kind = types.get(node.id) or ("int" if isinstance(self._value(node), int) else "real")
             case ast.Constant():
                 kind = "int" if isinstance(node.value, int) else "real"
-            case ast.Attribute(value=ast.Name(id=name)) if name in types:
+            case ast.Attribute(value=ast.Name(id=name)) if name not in types:
+                kind = "int" if isinstance(self._value(node), int) else "real"
+            case ast.Attribute(value=ast.Name(id=name)):
                 record = getattr(self.module, types[name])
                 kind = next(field.kind for field in fields_of(record) if field.name == node.attr)
             case ast.Call(func=ast.Name(id="bool")) | ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
@@ -307,12 +308,13 @@ class _Printer:
         match node:
             case ast.Constant(value=int() | float() as value):
                 text = f"{int(value)}" if isinstance(value, int) else self.names.number(value)
-            case ast.Name():
-                text = self._name(node.id, types)
-            case ast.Attribute(attr="nan" | "inf"):
-                text = self.names.number(math.nan if node.attr == "nan" else math.inf)
-            case ast.Attribute():
+            case ast.Name() if node.id in types:
+                text = node.id
+            case ast.Attribute() if _root(node) in types:
                 text = f"{of(node.value)}->{node.attr}"
+            case ast.Name() | ast.Attribute():
+                value = self._value(node)
+                text = f"{value}" if isinstance(value, int) else self.names.number(value)
             case ast.Subscript():
                 text = f"{of(node.value)}[{of(node.slice)}]"
             case ast.BinOp():
@@ -348,11 +350,9 @@ class _Printer:
             return f"({text} != 0)"
         return text if text.startswith("(") else f"({text})"
 
-    def _name(self, name: str, types: Mapping[str, str]) -> str:
-        if name in types:
-            return name
-        value: Any = getattr(self.module, name)
-        return f"{value}" if isinstance(value, int) else self.names.number(value)
+    def _value(self, node: ast.expr) -> Any:
+        """Value of a name in the module, or of a name of a module that it imports."""
+        return attrgetter(ast.unparse(node))(self.module)
 
     def _compared(self, node: ast.Compare, types: Mapping[str, str]) -> str:
         """Comparisons, one after the other; of equal numbers by their order, so that NaN equals nothing."""

@@ -117,8 +117,8 @@ def _texts(name: str) -> dict[Path, str | None]:
         kernels = own is not None and _has_kernels(_file(own))
         if own and kernels:
             texts |= _texts(own)
-        elif own and isinstance(node, ast.ImportFrom) and taken & {name.asname or name.name for name in node.names}:
-            texts[_file(own)] = None
+        elif own and isinstance(node, ast.ImportFrom):
+            texts |= {_file(own, name.name): None for name in node.names if (name.asname or name.name) in taken}
         if kernels or module == "__future__":
             for number in range(node.lineno - 1, node.end_lineno or node.lineno):
                 lines[number] = ""
@@ -139,8 +139,11 @@ def _has_kernels(path: Path) -> bool:
     return "\n@kernel\n" in path.read_text(encoding="utf-8")
 
 
-def _file(name: str) -> Path:
+def _file(name: str, taken: str = "") -> Path:
+    """The file of a module, or of the one that is `taken` from a package."""
     spec = find_spec(name)
     if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"no module named {name}")
-    return Path(spec.origin)
+    path = Path(spec.origin)
+    inner = path.with_name(f"{taken}.py")
+    return inner if path.stem == "__init__" and inner.is_file() else path

@@ -9,8 +9,8 @@ from clutchid.documents.document import Document, LabelRow
 from clutchid.documents.results import Looked
 
 if TYPE_CHECKING:
+    from clutchid.measurements.look import TimeAxis, TimeGridOverview
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.measurements.overview import TimeAxis, TimeGridOverview
     from clutchid.preparation.inspection import Check
 
 

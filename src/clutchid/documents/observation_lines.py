@@ -10,7 +10,7 @@ import numpy as np
 from clutchid.documents.fit_json import curve_json
 from clutchid.documents.json_text import json_text
 from clutchid.log import FloatArray
-from clutchid.measurements.source import to_frame
+from clutchid.measurements import to_frame
 from clutchid.observer import ObservedRecording, StrokeRow
 from clutchid.observer.live import LiveRun
 

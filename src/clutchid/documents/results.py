@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clutchid.estimation import Errors, Fit
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
-    from clutchid.measurements.overview import FileOverview
+    from clutchid.measurements.look import FileOverview
     from clutchid.observer import ObservedRecording
     from clutchid.preparation.inspection import Inspection
     from clutchid.rig import CoulombFriction, LugreFit

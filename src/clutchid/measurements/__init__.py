@@ -13,11 +13,11 @@ from clutchid.arguments import checked
 from clutchid.errors import DataError, ExportError
 from clutchid.files import atomic_write, digest, reading
 from clutchid.log import Log
-from clutchid.measurements.checks import AMBIENT, check_ambient
-from clutchid.measurements.columns import REQUIRED
-from clutchid.measurements.formats.kinds import function_named
-from clutchid.measurements.opening import open_source, with_dbc
-from clutchid.measurements.source import BLOCK, VENTED_KEY, Source, in_contract
+from clutchid.measurements.checks import AMBIENT, DUTY_ROUNDING, check_ambient, check_duties, in_si
+from clutchid.measurements.columns import QUANTITIES, REQUIRED, Heading
+from clutchid.measurements.formats.kinds import function_named, is_recording
+from clutchid.measurements.opening import NoFramesError, open_source, with_dbc
+from clutchid.measurements.source import BLOCK, UNIT_KEY, VENTED_KEY, Source, in_contract, to_frame
 from clutchid.messages import shortened
 from clutchid.names import printable
 
@@ -31,7 +31,11 @@ _WRITERS = {
     ".csv": "csv.file.save", ".parquet": "parquet.file.save", ".mf4": "mdf.file.save", ".mat": "mat.file.save",
 }  # fmt: skip
 
-__all__ = ["AMBIENT", "read", "read_each", "read_pieces", "write"]
+__all__ = [
+    "AMBIENT", "BLOCK", "DUTY_ROUNDING", "QUANTITIES", "UNIT_KEY", "VENTED_KEY", "Heading", "NoFramesError", "Source",
+    "check_duties", "in_si", "is_recording", "open_source", "read", "read_each", "read_frame", "read_pieces",
+    "source_pieces", "to_frame", "write",
+]  # fmt: skip
 
 
 @checked

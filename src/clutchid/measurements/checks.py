@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import COLUMNS, INPUTS, FloatArray, Log
 from clutchid.log.units import UNITS, to_si
+from clutchid.measurements.clock import hole_starts, usual_interval
 from clutchid.measurements.columns import Heading
-from clutchid.measurements.source import Places, Rows, Table
-from clutchid.measurements.time_axis import hole_starts, usual_interval
+from clutchid.measurements.source import Places, Table
 from clutchid.messages import SHOWN, listed, quantity
 
 #: Ambient pressure in Pa that is added to gauge pressures where none is known: the standard atmosphere, ISO 2533.
@@ -38,14 +38,6 @@ class _Column:
     written: FloatArray
     values: FloatArray
     places: Places
-    unread: Rows
-
-    @property
-    def missing(self) -> Rows:
-        """Rows without a value, except those that a problem reports already."""
-        missing = np.isnan(self.values)
-        missing[self.unread] = False
-        return np.flatnonzero(missing)
 
     def shown(self, row: int) -> str:
         """The sample as written, with its unit."""
@@ -67,8 +59,7 @@ def check(table: Table, ambient: float, *, holes_end: bool) -> tuple[dict[str, F
     columns: dict[str, _Column] = {}
     for heading in table.headings:
         written = table.numbers[heading.index]
-        unread = table.unread.get(heading.index, np.empty(0, dtype=np.int64))
-        columns[str(heading.name)] = _Column(heading, written, in_si(heading, written, ambient), table.places, unread)
+        columns[str(heading.name)] = _Column(heading, written, in_si(heading, written, ambient), table.places)
     problems = [*table.problems, *(text for name, column in columns.items() for text in _problems(name, column))]
     warnings = _gaps([columns[name] for name in INPUTS if name in columns])
     warnings += _hole_warning(columns["time"]) if holes_end and "time" in columns and columns["time"].heading.si else []
@@ -92,12 +83,12 @@ def check_duties(log: Log) -> None:
     log: column 'duty_supply' is not a duty cycle: sample 1 has 100; looks like percent: write duty_supply [%].
     The columns of a clutchid.Log are in SI; clutchid.Log.from_frame(frame) converts units in headings.
     """
-    places, none = Places("sample", 0), np.empty(0, dtype=np.int64)
+    places = Places("sample", 0)
     problems = [
         problem
         for name in INPUTS
         if name in log
-        for problem in _duty(_Column(Heading(0, name, name, COLUMNS[name]), log[name], log[name], places, none))
+        for problem in _duty(_Column(Heading(0, name, name, COLUMNS[name]), log[name], log[name], places))
     ]
     if problems:
         way = "The columns of a clutchid.Log are in SI; clutchid.Log.from_frame(frame) converts units in headings."
@@ -179,20 +170,12 @@ def _pressure(column: _Column) -> Iterable[str]:
 
 def _gaps(columns: Sequence[_Column]) -> list[str]:
     """Warning about samples in which one of these inputs is missing."""
-    gaps = [(column, column.missing) for column in columns]
-    empty = [(column, missing) for column, missing in gaps if missing.size]
-    if not empty:
+    gaps = {column.heading.text: rows for column in columns if (rows := np.isnan(column.values)).any()}
+    if not gaps:
         return []
-    anywhere = np.zeros(columns[0].values.size, dtype=bool)
-    for _, missing in empty:
-        anywhere[missing] = True
-    names = " or ".join(f"'{column.heading.text}'" for column, _ in empty)
-    complete = np.flatnonzero(~anywhere)
-    at_ends = bool(complete.size) and bool(anywhere[0] or anywhere[-1])
-    then = ["each gap ends a segment"] if not at_ends or bool((np.diff(complete) > 1).any()) else []
-    then += ["the recording is used from its first to its last sample with all inputs"] if at_ends else []
-    where = columns[0].places.ranges(np.flatnonzero(anywhere))
-    return [f"input {names} is missing in {where}: {', and '.join(then)}."]
+    names = " or ".join(f"'{text}'" for text in gaps)
+    where = columns[0].places.ranges(np.flatnonzero(np.any([*gaps.values()], axis=0)))
+    return [f"input {names} is missing in {where}: the recording is used up to each gap, and from behind it on."]
 
 
 def _hole_warning(column: _Column) -> list[str]:

@@ -1,7 +1,9 @@
-"""The clock of a file: restarts, counters that wrap, jumps ahead and back, and lone stamps, on stamps in file order.
+"""The clock of a file: restarts, counters that wrap, jumps ahead and back, lone stamps, and bursts, and their repair.
 
-Stamps are cut into runs wherever they step back, or far ahead. Each run gets one shift, for all that is stamped by this
-clock; one or two stamps far from those around them are left out. Thresholds: benchmarks/results/thresholds.md.
+Stamps in the order of the file are cut into runs wherever they step back, or far ahead. Each run gets one shift, for
+all that is stamped by this clock; one or two stamps far from those around them are left out.
+
+Thresholds: benchmarks/results/thresholds.md.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.log import HOLE, FloatArray
+from clutchid.log import HOLE, BoolArray, FloatArray
 from clutchid.measurements.source import Places, Rows
 from clutchid.messages import SHOWN, listed, quantity
 
@@ -119,6 +121,35 @@ class Clock:
 
 
 AT_START = Clock()
+
+
+def hole_starts(time: FloatArray) -> Rows:
+    """Samples after which the interval to the next one exceeds 5 median intervals.
+
+    Examples
+    --------
+    >>> hole_starts(np.array([0.0, 1.0, 2.0, 3.0, 9.0, 10.0])).tolist()
+    [3]
+    """
+    steps = sample_intervals(time)
+    with np.errstate(over="ignore"):
+        if steps.max(initial=0.0) <= HOLE * steps.min(initial=np.inf, where=steps > 0):  # none without a median
+            return np.empty(0, dtype=np.int64)
+        return np.flatnonzero(steps > HOLE * usual_interval(time))
+
+
+def sample_intervals(time: FloatArray) -> FloatArray:
+    """Interval from each sample to the next."""
+    with np.errstate(over="ignore"):
+        return np.diff(time)
+
+
+def usual_interval(time: FloatArray) -> float:
+    """Median of the positive intervals; infinity if there are none."""
+    steps = sample_intervals(time)
+    forward = steps[steps > 0]
+    with np.errstate(over="ignore"):  # of two longest intervals the mean is infinite
+        return float(np.median(forward)) if forward.size else math.inf
 
 
 def cuts(time: FloatArray, before: float, tolerance: Tolerance) -> Rows:
@@ -272,13 +303,12 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
             for change in group[:SHOWN]
         ]
         where = listed(shown, total=len(group))
-        count = int(sum(change.amount for change in group)) if kind == "lone" else 0
-        noun = "1 time stamp is" if count == 1 else f"{count:,} time stamps are"
+        count = int(sum(change.amount for change in group if kind == "lone"))
         amounts = listed([quantity(change.amount, "s") for change in group[:SHOWN]], total=len(group))
         yield {
             "restart": f"the clock restarts at {where}; each run becomes a separate segment, "
             f"{quantity(apart, 's')} after the previous one.",
-            "lone": f"{noun} far from those around, and left out: {where}.",
+            "lone": f"time stamps far from those around them are left out: {count:,}, at {where}.",
             "excursion": f"the clock jumps at {where} and later goes on as before; what is between is moved by "
             f"{amounts}.",
         }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on.")
@@ -329,4 +359,146 @@ def _apart_sentence(when: str) -> str:
     return (
         f"the clocks of its groups restart {when}, and nothing says which samples belong together; cut the file at a "
         "restart, or export each run on its own."
+    )
+
+
+class RepairedTime(NamedTuple):
+    """Rows of a block that are kept, their time stamps in s, messages about changes, and the state of the clock."""
+
+    rows: Rows
+    time: FloatArray
+    messages: tuple[str, ...]
+    clock: Clock
+
+
+def repair(
+    stamps: FloatArray, places: Places, clock: Clock = AT_START, *, shared: bool = False, mask: BoolArray | None = None
+) -> RepairedTime:
+    """Repair time stamps so that they increase strictly.
+
+    A sample without a time stamp is dropped. Of samples with equal time stamps the last is kept. Samples that are out
+    of order by up to five usual intervals are dropped. If the clock goes back further, a run after a restart is placed
+    after the previous one with a hole between them, so that each is a separate segment.
+
+    Parameters
+    ----------
+    stamps : s
+        As written in the file.
+    places
+        Location of the samples in the file, for the messages.
+    clock
+        State of the clock after the previous block.
+    shared
+        Whether it is the clock of several messages: what is out of order is sorted.
+    mask
+        Rows that have a sample, which share their clock with the others; by default all.
+
+    Examples
+    --------
+    A logger that was started twice in one file, and one repeated sample:
+
+    >>> found = repair(np.array([0.0, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.0, 0.1]), Places())
+    >>> [round(float(t), 6) for t in found.time]
+    [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.6, 2.7]
+    >>> print(*found.messages, sep="\\n")
+    samples with the time stamp of an earlier one replace it: 1 (row 3).
+    the clock restarts at row 9 (0 s after 0.6 s); each run becomes a separate segment, 2 s after the previous one.
+    """
+    rows, time, said, after = _on_clock(stamps, places, clock, shared=shared)
+    if mask is not None:
+        rows, time = rows[mask[rows]], time[mask[rows]]
+    after = replace(after, last=float(max(clock.last, time.max(initial=-math.inf))))
+    complete = rows.size == (stamps.size if mask is None else np.count_nonzero(mask))
+    if complete and (time > np.append(clock.last, time[:-1])).all():
+        return RepairedTime(rows, time, said, after)
+    if shared and time.size and (np.diff(time) < 0).any():
+        order = np.argsort(time, kind="stable")
+        rows, time = rows[order], time[order]
+    ahead = np.r_[clock.last, np.maximum.accumulate(np.r_[clock.last, time])[1:-1]]
+    late, same = time < ahead, time == ahead
+    changed = {
+        "with the time stamp of an earlier one replace it": rows[same],
+        "out of order in time are dropped": rows[late],
+        "without a time stamp are dropped": np.flatnonzero(~np.isfinite(stamps) & (mask is None or mask)),
+    }
+    messages = [f"samples {what}: {r.size:,} ({places.ranges(r)})." for what, r in changed.items() if r.size]
+    samples = np.flatnonzero(~late & (time != clock.last))  # the previous block may end at this time stamp
+    last = samples[np.append(np.diff(time[samples]) != 0.0, True)[: samples.size]]
+    return RepairedTime(rows[last], time[last], (*messages, *said), after)
+
+
+def _on_clock(
+    stamps: FloatArray, places: Places, clock: Clock, *, shared: bool
+) -> tuple[Rows, FloatArray, tuple[str, ...], Clock]:
+    """Rows that have a stamp, their stamps without restarts and bursts; they may still repeat, or be out of order."""
+    rows = np.flatnonzero(np.isfinite(stamps))
+    time = stamps[rows]
+    with np.errstate(over="ignore"):
+        steps = np.diff(time, prepend=clock.written if math.isfinite(clock.written) else np.empty(0))
+        ordered = steps.size > 0 and 0.0 < steps.min() <= steps.max() <= min(HOLE * steps.min(), JUMP_AHEAD)
+    if ordered and clock.shift == 0.0:
+        usual = clock.usual if math.isfinite(clock.usual) else float(steps.mean())
+        return rows, time, (), replace(clock, written=float(time[-1]), usual=usual)  # nothing is to be found
+    usual = clock.usual if math.isfinite(clock.usual) else usual_interval(time)
+    steady = steadied(time)
+    said = []
+    if steady is not None:
+        time, sentence = steady
+        said, usual = [sentence], usual_interval(time)
+    tolerance = Tolerance.of(usual, shared=shared)
+    runs = runs_of(rows, time, clock.written, tolerance)
+    shifts, changes, after = shifts_of(runs, tolerance, clock)
+    if any(shifts):
+        time = time + np.repeat(shifts, [run.size for run in runs])
+        rows, time = rows[np.isfinite(time)], time[np.isfinite(time)]
+    return rows, time, (*said, *sentences(changes, places, tolerance.apart)), after
+
+
+#: Bursts: as many at least, half of them without a gap, of as many samples on average, with no more than this share of
+#: the time within one.
+_BURSTS, _LEAST, _WITHIN = 20, 2.5, 0.2
+
+
+def steadied(time: FloatArray) -> tuple[FloatArray, str] | None:
+    """Stamps at the mean rate and a sentence, where a logger stamps in bursts; else None.
+
+    Bursts come at regular intervals of at most `JUMP_AHEAD`; a longer one, or a step back, begins anew. The last sample
+    of one is the newest, so that a line through these has the rate.
+
+    Examples
+    --------
+    >>> bursts = np.repeat(np.arange(100) * 16e-3, 16) + np.tile(np.arange(16) * 1e-6, 100)
+    >>> time, sentence = steadied(bursts)
+    >>> round(float(np.ptp(np.diff(time))), 9), sentence
+    (0.0, 'the time stamps arrive in bursts of 16 every 0.016 s; the mean rate of 1000 Hz is used instead.')
+    >>> steadied(np.arange(1600) * 1e-3) is None
+    True
+    """
+    steps = sample_intervals(time)
+    with np.errstate(over="ignore"):
+        last = np.append((steps < 0) | (steps > HOLE * np.median(steps)), True) if steps.size else np.empty(0)
+        if np.count_nonzero(last) <= _BURSTS:
+            return None
+        longest = min(JUMP_AHEAD, _LEAST * float(np.median(steps[last[:-1]])))
+        parts = np.split(np.arange(time.size), np.flatnonzero((steps < 0) | (steps > longest)) + 1)
+    rows = max(parts, key=len)
+    ends = np.flatnonzero(last[rows[:-1]])  # the last burst may be cut
+    sizes, between = np.diff(ends), np.diff(time[rows][ends])
+    inside = time[rows][ends[1:]] - time[rows][ends[:-1] + 1]
+    period = float(np.median(between)) if ends.size > _BURSTS / 2 else 0.0
+    if not period > 0.0 or np.median(sizes) < _LEAST or ends.size * _LEAST > rows.size:
+        return None
+    if np.median(inside) > _WITHIN * period or np.mean(np.abs(between - period) < period / 2) < 1 - _WITHIN:
+        return None
+    rate = float(np.polyfit(ends, time[rows][ends], 1)[0])
+    even = time.copy()
+    for part in parts:
+        number, newest = np.arange(part.size), last[part]
+        line = rate * number + np.median((time[part] - rate * number)[newest])
+        late, stall = time[part] - line, steps[max(part[0] - 1, 0) : part[-1]].max(initial=0.0)
+        if np.abs(late[newest]).max() <= period and -period <= late.min() and late.max() <= period + stall:
+            even[part] = line
+    return even, (
+        f"the time stamps arrive in bursts of {round(period / rate)} every {quantity(float(f'{period:.4g}'), 's')}; "
+        f"the mean rate of {1 / rate:.5g} Hz is used instead."
     )

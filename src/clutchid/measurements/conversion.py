@@ -15,7 +15,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import HOLE, FloatArray, Log, Samples
+from clutchid.log import HOLE, BoolArray, FloatArray, Log, Samples
 from clutchid.measurements import clock as clock_rules
 from clutchid.measurements import time_axis
 from clutchid.measurements.checks import check, in_si
@@ -76,7 +76,7 @@ def pieces(
         longest = max((source.rasters[chosen.raster].size for chosen in picks), default=0)
         check_size(source.path, longest, sum(len(chosen.columns) for chosen in picks))
     if channels is not None:
-        messages.warnings += channels.comments.get("", "").splitlines()
+        messages.warnings += channels.comment.splitlines()
     messages.warnings += [note for chosen in picks for note in chosen.notes]
     grids = [grid for several in _grids(source, picks, ambient, rows, messages) for grid in several]
     interval = channels.raster if channels is not None else None
@@ -174,7 +174,7 @@ def _logs(
 def _stream(blocks: Iterator[time_axis.SampleBlock], chosen: PickedChannels) -> tuple[float, time_axis.ChannelStream]:
     """The channels of a pick as a stream in SI, and their usual interval in s, from the first block."""
     first = list(islice(blocks, 1))
-    usual = time_axis.usual_interval(first[0].time) if first and not chosen.on_change else math.inf
+    usual = clock_rules.usual_interval(first[0].time) if first and not chosen.on_change else math.inf
     return usual, time_axis.ChannelStream(_again(first, blocks), chosen.longest(usual))
 
 
@@ -222,7 +222,7 @@ def _blocks(
     plan: _ClockPlan | None,
 ) -> Iterator[time_axis.SampleBlock]:
     """The samples of a time grid, block by block, with increasing time stamps."""
-    clock = whole = clock_rules.AT_START
+    clock = clock_rules.AT_START
     count = 0
     for table in tables:
         named = _named(table, chosen, count)
@@ -232,15 +232,16 @@ def _blocks(
             stamps = in_si(of_time, named.numbers[of_time.index], ambient)
             if plan is not None:
                 stamps = clock_rules.moved(stamps, count, *plan)
+            mask: BoolArray | None = None
             if chosen.sparse:  # its rows share a clock, whatever is in them
-                rows, time, said, whole = time_axis.on_clock(stamps, named.places, whole, shared=True)
-                values = [numbers[rows] for index, numbers in named.numbers.items() if index != of_time.index]
-                present = np.isfinite(values).any(axis=0)
-                named, stamps = named.take(rows[present]), time[present]
-            repaired = time_axis.repair(stamps, named.places, clock, shared=source.one_clock or chosen.sparse)
-            said, clock = [*said, *repaired.messages], repaired.clock
+                values = [numbers for index, numbers in named.numbers.items() if index != of_time.index]
+                mask = np.any(np.isfinite(np.array(values)), axis=0, keepdims=True)[0]
+            shared = source.one_clock or chosen.sparse
+            repaired = clock_rules.repair(stamps, named.places, clock, shared=shared, mask=mask)
+            said, clock = repaired.messages, repaired.clock
             if count == 0 and not table.problems:
-                messages.problems += _unplaced(of_time, named.places, stamps.size, repaired.rows)
+                samples = np.arange(stamps.size) if mask is None else np.flatnonzero(mask)
+                messages.problems += _unplaced(of_time, named.places, samples, repaired.rows)
             named = named.take(repaired.rows)
             headings = tuple(
                 replace(heading, unit="s") if heading is of_time else heading for heading in named.headings
@@ -257,14 +258,14 @@ def _blocks(
         yield time_axis.SampleBlock(columns.pop("time"), columns).earlier(chosen.delay)
 
 
-def _unplaced(clock: Heading, places: Places, size: int, rows: Rows) -> list[str]:
-    """Problem of a time that leaves only a few of the first samples, those in `rows`."""
-    if rows.size >= _PLACED * size:
+def _unplaced(clock: Heading, places: Places, samples: Rows, rows: Rows) -> list[str]:
+    """Problem of a time that leaves only a few of the first `samples`, those in `rows`."""
+    if rows.size >= _PLACED * samples.size:
         return []
-    where = places.ranges(np.setdiff1d(np.arange(size), rows))
+    where = places.ranges(np.setdiff1d(samples, rows))
     return [
-        f"the time '{clock.text}' places only {rows.size:,} of {sample_count(size)}: the others have no time stamp, "
-        f"repeat one or come late ({where}); write an increasing time for every sample, with enough digits."
+        f"the time '{clock.text}' places only {rows.size:,} of {sample_count(samples.size)}: the others have no "
+        f"time stamp, repeat one or come late ({where}); write an increasing time for every sample, with enough digits."
     ]
 
 
@@ -285,7 +286,7 @@ def _plans(
             stamps = in_si(heading, scaled(table.numbers.get(heading.index, np.empty(0)), entry), ambient)
             rows = np.flatnonzero(np.isfinite(stamps))
             if not math.isfinite(tolerance.usual):
-                tolerance = clock_rules.Tolerance.of(time_axis.usual_interval(stamps[rows]))
+                tolerance = clock_rules.Tolerance.of(clock_rules.usual_interval(stamps[rows]))
             runs += clock_rules.runs_of(rows + count, stamps[rows], before, tolerance)
             before = runs[-1].last if runs else before
             count += table.size

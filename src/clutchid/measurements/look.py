@@ -23,6 +23,8 @@ from clutchid.measurements.overview import ColumnOverview, FileOverview, TimeAxi
 from clutchid.measurements.source import BLOCK, Places, Raster, Source, Table, in_contract
 from clutchid.measurements.stored import WHOLE
 
+__all__ = ["FileOverview", "TimeAxis", "TimeGridOverview", "look", "overview_of"]
+
 #: What a recording of a test rig needs, whose map assigns a force and no duty cycle.
 _RIG = ("time", "position", "force")
 
@@ -84,7 +86,7 @@ def overview_of(
     """Contents of an opened file, see `look`; `files` are the DBC files that decode it."""
     ambient = AMBIENT if ambient is None else ambient
     proposal = propose(source)
-    proposal = replace(proposal, channels=replace(proposal.channels, dbc=files))
+    proposal = replace(proposal, channels=replace(channels or proposal.channels, dbc=files))
     picks, mismatches = _picks(source, proposal, channels)
     problems, warnings = [*source.problems, *mismatches], [*source.warnings]
     wrong, remarks, summaries = list[str](), list[str](), list[_Summary]()
@@ -104,10 +106,6 @@ def overview_of(
     if len(picks) > 1 or (picks and any(summary.spoiled for summary in summaries)):  # without the other columns
         size = max((raster.size * len(raster.headings) for raster in source.rasters), default=0)
         wrong, remarks = findings(source, picks, ambient, None if size * 8 < WHOLE else BLOCK)
-    if channels is not None:
-        every, proposed = {**proposal.channels.channels, **channels.channels}, proposal.channels
-        completed = replace(channels, channels=every, dbc=proposed.dbc, comments=proposed.comments)
-        proposal = replace(proposal, channels=completed)
     return FileOverview(
         str(source.path),
         source.format,

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clutchid.log import HOLE, FloatArray
+from clutchid.measurements.clock import sample_intervals, usual_interval
 from clutchid.measurements.map.proposal import Proposal
 from clutchid.measurements.source import Places
-from clutchid.measurements.time_axis import sample_intervals, usual_interval
 from clutchid.messages import SHOWN, listed, sample_count, text_table
 from clutchid.names import printable
 
@@ -83,26 +83,23 @@ def updated(before: TimeAxis | None, time: FloatArray, places: Places) -> TimeAx
     if not rows.size:
         return before
     stamps = time[rows]
-    axis = before or TimeAxis(float(stamps[0]), math.nan, math.inf, usual_interval(stamps), -math.inf, 0, ())
-    joined = stamps if before is None else np.r_[before.last, stamps]
-    steps = sample_intervals(joined)
-    after = np.flatnonzero(steps > HOLE * axis.usual)
-    offset = joined.size - stamps.size  # 1 if the interval to the previous block is included
-    shown = tuple(
-        Hole(places.number(rows[max(i - offset, 0)]) - (i < offset), float(joined[i]), float(steps[i]))
-        for i in after[:SHOWN].tolist()
-    )
-    longest = float(steps.max(initial=axis.longest))
-    return TimeAxis(
-        axis.first,
-        float(stamps[-1]),
-        float(steps.min(initial=axis.shortest)),
-        axis.usual,
-        longest if math.isfinite(longest) else math.inf,
-        axis.hole_count + int(after.size),
-        (*axis.holes, *shown)[:SHOWN],
-        axis.repeated + int(np.count_nonzero(steps == 0)),
-        axis.back + int(np.count_nonzero(steps < 0)),
+    axis = before or TimeAxis(float(stamps[0]), math.nan, math.nan, usual_interval(stamps), math.nan, 0, ())
+    joined = np.r_[axis.last, stamps]
+    steps = sample_intervals(joined)  # NaN before the first sample
+    holes = np.flatnonzero(steps > HOLE * axis.usual)
+    shown = [
+        Hole(places.number(rows[i - 1]) if i else places.number(rows[0]) - 1, float(joined[i]), float(steps[i]))
+        for i in holes[:SHOWN].tolist()
+    ]
+    return replace(
+        axis,
+        last=float(stamps[-1]),
+        shortest=float(np.fmin.reduce(steps, initial=axis.shortest)),
+        longest=float(np.fmax.reduce(steps, initial=axis.longest)),
+        hole_count=axis.hole_count + int(holes.size),
+        holes=(*axis.holes, *shown)[:SHOWN],
+        repeated=axis.repeated + int(np.count_nonzero(steps == 0)),
+        back=axis.back + int(np.count_nonzero(steps < 0)),
     )
 
 
@@ -211,18 +208,12 @@ class FileOverview:
 
     def table(self) -> str:
         """All contents as plain text for a terminal."""
-        samples = max((raster.samples for raster in self.rasters), default=0)
-        lines = []
-        if len(self.rasters) < 2:
-            time = self.rasters[0].time if self.rasters else None
-            lines.append(f"{printable(self.source)}: {sample_count(samples)}{_time_text(time)}")
+        name, channels = printable(self.source), sum(len(raster.columns) for raster in self.rasters)
+        if len(self.rasters) == 1:
+            lines = _raster(self.rasters[0], name)
         else:
-            channels = sum(len(raster.columns) for raster in self.rasters)
-            lines.append(
-                f"{printable(self.source)}: {self.format}, {len(self.rasters)} time grids with {channels} channels"
-            )
-        for raster in self.rasters:
-            lines += _raster(raster, len(self.rasters) > 1)
+            lines = [f"{name}: {self.format}, {len(self.rasters)} time grids with {channels} channels"]
+            lines += [line for raster in self.rasters for line in ("", *_raster(raster, raster.name or "(no name)"))]
         if self.needs_map and self.proposal.channels.channels:
             lines += ["", "Proposed channel map (write it with --save, use it with --map):"]
             width = max(15, *map(len, self.proposal.channels.channels))
@@ -254,14 +245,12 @@ class FileOverview:
         return "\n".join(lines)
 
 
-def _raster(raster: TimeGridOverview, named: bool) -> list[str]:
-    lines = []
-    if named:
-        lines += ["", f"{raster.name or '(no name)'}: {sample_count(raster.samples)}{_time_text(raster.time)}"]
+def _raster(raster: TimeGridOverview, title: str) -> list[str]:
+    lines = [f"{title}: {sample_count(raster.samples)}{_time_text(raster.time)}"]
     if raster.columns:
         held = dict(raster.others)
         rows = [_row(column, held.get(column.heading)) for column in raster.columns]
-        lines += [*([] if named else [""]), *text_table([_TITLES, *rows], 2)]
+        lines += ["", *text_table([_TITLES, *rows], 2)]
     hidden = [f"'{_narrow(name)}' ({what})" for name, what in _hidden(raster)]
     if hidden:
         lines += ["", f"Without numbers: {listed(hidden, _LISTED)}"]
@@ -269,8 +258,6 @@ def _raster(raster: TimeGridOverview, named: bool) -> list[str]:
     if time and time.hole_count:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
         lines += ["", f"Holes: {listed(shown, total=time.hole_count)}"]
-    if time and (time.repeated or time.back):
-        lines += ["", f"Time stamps: {time.repeated:,} repeated, {time.back:,} decreasing"]
     return lines
 
 
@@ -283,13 +270,13 @@ def _hidden(raster: TimeGridOverview) -> list[tuple[str, str]]:
 def _row(column: ColumnOverview, held: str | None) -> tuple[str, ...]:
     """The cells of one column in the table; `held` names its content if that is no numbers."""
     si = f" {column.si}" if column.si not in (None, "1") else ""
-    in_unit = [_short(column.low), _short(column.high)]
     converted = [f"{_short(value)}{si}" if math.isfinite(value) else "-" for value in (column.low_si, column.high_si)]
     unit = f" [{column.unit}]" if column.unit and "[" not in column.heading else ""
     return (
         column.name or f"({held or 'ignored'})",
         _narrow(column.heading) + unit,
-        *in_unit,
+        _short(column.low),
+        _short(column.high),
         *converted,
         f"{column.missing:,}",
     )

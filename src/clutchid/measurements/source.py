@@ -38,9 +38,13 @@ class Places:
         """The line or row of the sample `index`."""
         return self.first + int(index) if self.numbers is None else int(self.numbers[index])
 
-    def each_number(self, size: int) -> Rows:
-        """The lines or rows of the first `size` samples."""
-        return np.arange(self.first, self.first + size) if self.numbers is None else self.numbers
+    def take(self, part: Rows | slice) -> Places:
+        """Those of some of the samples."""
+        if self.numbers is not None:
+            return Places(self.word, numbers=self.numbers[part])
+        if isinstance(part, slice):
+            return Places(self.word, self.first + part.start)
+        return Places(self.word, numbers=self.first + part)
 
     def each(self, rows: Rows, what: Callable[[int], str]) -> str:
         """The first locations of `rows` with the text `what` about each, and the number of the others."""
@@ -74,18 +78,13 @@ class Table:
 
     def take(self, rows: Rows) -> Table:
         """Some of the rows; consecutive ones as views."""
-        if not rows.size or (np.diff(rows) != 1).any():
-            part: Rows | slice = rows
-            places = Places(self.places.word, numbers=self.places.each_number(self.size)[rows])
-        else:
-            part = slice(int(rows[0]), int(rows[-1]) + 1)
-            lines = self.places.numbers
-            places = Places(self.places.word, self.places.first + int(rows[0]), lines if lines is None else lines[part])
+        apart = not rows.size or (np.diff(rows) != 1).any()
+        part = rows if apart else slice(int(rows[0]), int(rows[-1]) + 1)
         return replace(
             self,
             numbers={index: values[part] for index, values in self.numbers.items()},
             size=rows.size,
-            places=places,
+            places=self.places.take(part),
             unread={index: np.flatnonzero(np.isin(rows, unread)) for index, unread in self.unread.items()},
         )
 
@@ -108,8 +107,8 @@ def joined_tables(tables: Sequence[Table]) -> Table:
             unread[index] = np.concatenate([unread.get(index, rows[:0]), rows + start])
     places = first.places
     if any(table.places.numbers is not None for table in tables):
-        numbers = np.concatenate([table.places.each_number(table.size) for table in tables])
-        places = Places(places.word, numbers=numbers)
+        lines = [np.asarray(table.places.take(np.arange(table.size)).numbers) for table in tables]
+        places = Places(places.word, numbers=np.concatenate(lines))
     return replace(
         first,
         numbers={index: np.concatenate([table.numbers[index] for table in tables]) for index in first.numbers},

@@ -11,45 +11,14 @@ from clutchid.codegen.kernels import kernel
 from clutchid.codegen.records import Count, Records
 from clutchid.inference.uncertainty.conditions import AIR_ACCURACY, COLDEST, HOTTEST, LOST, RATE, SWING
 from clutchid.log import FloatArray
-from clutchid.measurements.checks import DUTY_ROUNDING
-from clutchid.observer.flags import (
-    AIR_LOST,
-    AIR_REFUSED,
-    DUTY_MISSING,
-    POSITION_BEYOND_STOPS,
-    POSITION_JUMPS,
-    POSITION_MISSING,
-    POSITION_NONE,
-    REPEATED_SAMPLES,
-    REPEATED_TIME,
-    REST_MOVED,
-    SUPPLY_UNLIKE,
-    TIME_MISSING,
-    TRAVEL_UNLIKE,
-    ZERO_UNKNOWN,
-)
+from clutchid.measurements import DUTY_ROUNDING
+from clutchid.observer import flags as bits
 from clutchid.observer.intake import BRIDGED, CLOCK, EXCHANGED, OUTSIDE_STOPS, Input, Intake, IntakeLimits, Sample
 from clutchid.observer.rest import Rest, RestBefore
 from clutchid.observer.rest_rule import new_stretch, watch_rest
+from clutchid.strokes import rule
 from clutchid.strokes.plausible import count_anew, judge_next
-from clutchid.strokes.rule import (
-    BELIEVED,
-    BEYOND,
-    EXPLAINED,
-    LEAST_SUPPLY,
-    LIKE_SUPPLY,
-    MOST_SUPPLY,
-    OF_SUPPLY,
-    SEAM,
-    STEP,
-    UNLIKE_SUPPLY,
-    VALUE,
-    ValueLimits,
-    Watch,
-)
-from clutchid.strokes.rule import (
-    REPEATED as REPEATED_VALUES,
-)
+from clutchid.strokes.rule import ValueLimits, Watch
 from clutchid.strokes.stroke import LONGEST_US, RESOLUTION, Stroke
 from clutchid.strokes.stroke_rule import count_stroke, later
 
@@ -75,7 +44,7 @@ def judge_position(intake: Intake, watch: Watch, bounds: ValueLimits, raw: Input
         count_anew(watch, float(periods * CLOCK) * RESOLUTION)
     t = float(intake.clock) * RESOLUTION
     verdict = judge_next(watch, bounds, t, raw.position, raw.duty_supply, raw.duty_exhaust)
-    if verdict == SEAM and watch.step - watch.began >= BELIEVED:
+    if verdict == rule.SEAM and watch.step - watch.began >= rule.BELIEVED:
         intake.jumped, intake.unzeroed = 1, 1
     return verdict
 
@@ -83,23 +52,23 @@ def judge_position(intake: Intake, watch: Watch, bounds: ValueLimits, raw: Input
 @kernel
 def flags_of(verdict: int) -> Count:
     """Flags of a verdict on a position."""
-    if verdict == BEYOND:
-        return POSITION_NONE
-    if verdict in (STEP, SEAM):
-        return POSITION_JUMPS
-    return REPEATED_SAMPLES if verdict == REPEATED_VALUES else 0
+    if verdict == rule.BEYOND:
+        return bits.POSITION_NONE
+    if verdict in (rule.STEP, rule.SEAM):
+        return bits.POSITION_JUMPS
+    return bits.REPEATED_SAMPLES if verdict == rule.REPEATED else 0
 
 
 @kernel
 def judge_supply(intake: Intake, recorded: float, pressure: float, closed: bool) -> bool:
     """Whether a supply pressure cannot be right, by that of the calibration and by its mean while no valve is open."""
-    wrong = pressure < LEAST_SUPPLY or pressure > MOST_SUPPLY
+    wrong = pressure < rule.LEAST_SUPPLY or pressure > rule.MOST_SUPPLY
     if closed and not wrong and not math.isnan(pressure):
         share = pressure / recorded - 1.0
-        intake.supply = share if math.isnan(intake.supply) else intake.supply + OF_SUPPLY * (share - intake.supply)
-        if abs(intake.supply) > UNLIKE_SUPPLY:
+        intake.supply = share if math.isnan(intake.supply) else intake.supply + rule.OF_SUPPLY * (share - intake.supply)
+        if abs(intake.supply) > rule.UNLIKE_SUPPLY:
             intake.supply_unlike = 1
-        elif abs(intake.supply) < LIKE_SUPPLY:
+        elif abs(intake.supply) < rule.LIKE_SUPPLY:
             intake.supply_unlike = 0
     return bool(wrong or (intake.supply_unlike == 1 and not math.isnan(pressure)))
 
@@ -181,23 +150,23 @@ def faults_of(sample: Sample, intake: Intake, limits: IntakeLimits) -> Count:
     """Flags of what is wrong with a sample by itself."""
     flags, position = sample.flags, sample.measured - sample.zero
     if not math.isfinite(position):
-        flags |= POSITION_MISSING
+        flags |= bits.POSITION_MISSING
     if position < -OUTSIDE_STOPS or position > limits.y_max + OUTSIDE_STOPS:
-        flags |= POSITION_BEYOND_STOPS
+        flags |= bits.POSITION_BEYOND_STOPS
     if sample.measured > limits.suspect_from:
-        flags |= TRAVEL_UNLIKE
+        flags |= bits.TRAVEL_UNLIKE
     if sample.recorded == 0:
-        flags |= DUTY_MISSING
+        flags |= bits.DUTY_MISSING
     if sample.lost > 0:
-        flags |= TIME_MISSING
+        flags |= bits.TIME_MISSING
     if abs(sample.rest) > 0.0:
-        flags |= REST_MOVED
+        flags |= bits.REST_MOVED
     if intake.unzeroed == 1:
-        flags |= ZERO_UNKNOWN
+        flags |= bits.ZERO_UNKNOWN
     if intake.air_refused == 1:
-        flags |= AIR_REFUSED
+        flags |= bits.AIR_REFUSED
     if intake.air > 0.0 and intake.aired > LOST:
-        flags |= AIR_LOST
+        flags |= bits.AIR_LOST
     return flags
 
 
@@ -213,18 +182,18 @@ def take_in(
     sample.since, sample.rest, sample.ends = since, rest.shift, 0
     sample.air, sample.air_known = intake.air, 1 if intake.air > 0.0 and intake.aired <= LOST else 0
     intake.pending = since
-    sample.flags, sample.verdict = REPEATED_TIME, VALUE
+    sample.flags, sample.verdict = bits.REPEATED_TIME, rule.VALUE
     if intake.sampled == 0 or since >= limits.shortest:
         intake.pending = 0
         sample.verdict = judge_position(intake, watch, bounds, raw, since)
         sample.flags = flags_of(sample.verdict)
-        sample.measured = raw.position if sample.verdict in (VALUE, EXPLAINED) else math.nan
+        sample.measured = raw.position if sample.verdict in (rule.VALUE, rule.EXPLAINED) else math.nan
         sample.duty_supply = clamped_duty(raw.duty_supply)
         sample.duty_exhaust = clamped_duty(raw.duty_exhaust)
         sample.supply_pressure = math.nan
         closed = raw.duty_supply <= 0.0 and raw.duty_exhaust <= 0.0
         if limits.supply > 0.0 and judge_supply(intake, limits.supply, raw.supply_pressure, closed):
-            sample.flags |= SUPPLY_UNLIKE
+            sample.flags |= bits.SUPPLY_UNLIKE
         elif limits.supply > 0.0 and math.isfinite(raw.supply_pressure):
             sample.supply_pressure, intake.supply_recorded = raw.supply_pressure, 1
         sample.lost = missing_before(limits, since)
@@ -232,9 +201,9 @@ def take_in(
         intake.undriven = later(intake.undriven, since)
         if since > limits.longest:
             intake.driven = 0
-        hold_duties(intake, sample, sample.verdict in (SEAM, REPEATED_VALUES))
+        hold_duties(intake, sample, sample.verdict in (rule.SEAM, rule.REPEATED))
         if sample.begins == 1:
-            new_stretch(rest, sample.verdict == SEAM or since > EXCHANGED)
+            new_stretch(rest, sample.verdict == rule.SEAM or since > EXCHANGED)
         intake.sampled = 1
         sample.zero = rest.shift if before.subtracted == 1 else 0.0
         sample.position = math.nan if intake.unzeroed == 1 else sample.measured - sample.zero

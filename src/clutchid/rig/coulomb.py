@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import FloatArray, Log, holes
-from clutchid.measurements.checks import AMBIENT
+from clutchid.measurements import AMBIENT
 from clutchid.rig.weighted import (
     Component,
     Equality,

@@ -10,8 +10,9 @@
 (['full stroke'], 1800)
 """
 
+from clutchid.strokes.borders import STROKE_LABELS
 from clutchid.strokes.choice import choose
 from clutchid.strokes.cutting import sections_of
-from clutchid.strokes.section import RESTS, STROKE_LABELS, Section, SectionSummary, joined
+from clutchid.strokes.section import RESTS, Section, SectionSummary, joined
 
 __all__ = ["RESTS", "STROKE_LABELS", "Section", "SectionSummary", "choose", "joined", "sections_of"]

@@ -326,9 +326,12 @@ _RULES: tuple[tuple[str, Callable[[MotionFeatures], bool]], ...] = (
     ("pull-away", lambda c: True),  # noqa: ARG005
 )
 
+#: Labels of strokes, in the field's words.
+STROKE_LABELS = tuple(label for label, _ in _RULES)
+
 
 def stroke_label(bins: Bins) -> str:
-    """Label of a stroke, one of `STROKES`; "partial stroke" if it stays at the rest level."""
+    """Label of a stroke, one of `STROKE_LABELS`; "partial stroke" if it stays at the rest level."""
     moving = np.isfinite(bins.position) & (bins.reach > 0)
     y = (bins.position - bins.level)[moving] / bins.reach[moving]
     if y.size < 3 or float(y.max()) <= _SLIP_ZONE[0]:

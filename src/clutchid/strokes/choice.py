@@ -177,11 +177,10 @@ def gram(section: Section, reach: float) -> FloatArray:
     left = np.minimum(place.astype(np.int64), HATS - 2)
     at = HATS * (2 * (speed < 0) + (np.abs(speed) > _FAST)) + left
     right = place - left
-    G = np.zeros((SIZE, SIZE))
-    np.add.at(G, (at, at), weight * (1 - right) ** 2)
-    np.add.at(G, (at + 1, at + 1), weight * right**2)
-    np.add.at(G, (at, at + 1), weight * right * (1 - right))
-    np.add.at(G, (at + 1, at), weight * right * (1 - right))
+    hats, rows = np.zeros((at.size, SIZE)), np.arange(at.size)
+    hats[rows, at], hats[rows, at + 1] = 1 - right, right
+    hats *= np.sqrt(weight)[:, None]
+    G: FloatArray = hats.T @ hats
     G[-1, -1] = min(summary.vented_rest, LEAD)
     return G
 

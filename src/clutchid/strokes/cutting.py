@@ -152,11 +152,10 @@ def section(part: CompletedSamples, name: str, metadata: Mapping[str, str], *, d
 
 def _summary(part: CompletedSamples) -> SectionSummary:
     samples, bins = part.samples, part.bins
-    positions = bins.position[np.isfinite(bins.position)]
     finite = int(np.count_nonzero(np.isfinite(samples.columns["position"])))
     return SectionSummary(
-        lowest=float(positions.min()) if positions.size else np.nan,
-        highest=float(positions.max()) if positions.size else np.nan,
+        lowest=float(np.fmin.reduce(bins.position)),
+        highest=float(np.fmax.reduce(bins.position)),
         level=float(bins.level[0]),
         reach=float(bins.reach[0]),
         vented_rest=part.vented,

@@ -9,33 +9,14 @@ from numpy.typing import NDArray
 
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
-from clutchid.strokes.rule import (
-    BEYOND,
-    COMPUTED,
-    EXPLAINED,
-    FASTER,
-    IMPOSSIBLE,
-    IMPROBABLE,
-    QUICK,
-    READ_ANEW,
-    REPEATED,
-    SCATTERED,
-    SEAM,
-    SLOW,
-    SLOWEST,
-    STANDS,
-    STEP,
-    TOGGLED,
-    VALUE,
-    ValueLimits,
-    Watch,
-)
+from clutchid.strokes import rule
+from clutchid.strokes.rule import ValueLimits, Watch
 
 
 @kernel
 def noisy(watch: Watch, limits: ValueLimits) -> bool:
     """Whether the noise of the sensor was visible before the present run of equal samples."""
-    least: float = max(TOGGLED * watch.quantum, COMPUTED * (limits.high - limits.low))
+    least: float = max(rule.TOGGLED * watch.quantum, rule.COMPUTED * (limits.high - limits.low))
     return bool(watch.scatter_before >= least)
 
 
@@ -43,13 +24,13 @@ def noisy(watch: Watch, limits: ValueLimits) -> bool:
 def possible_step(watch: Watch, limits: ValueLimits, elapsed: float, dt: float, rate: float) -> float:
     """Largest step in `dt` s, for a value first read `elapsed` s ago that changed at `rate` before."""
     held = dt
-    if noisy(watch, limits) and elapsed > IMPROBABLE * limits.interval:
+    if noisy(watch, limits) and elapsed > rule.IMPROBABLE * limits.interval:
         held = elapsed
-    elif watch.fresh < READ_ANEW:
+    elif watch.fresh < rule.READ_ANEW:
         held = max(dt, min(elapsed, limits.repeats))
     starts = min(limits.speed * held, 0.5 * limits.acceleration * held * held)
-    goes_on = FASTER * abs(rate) * elapsed if elapsed <= limits.gap else 0.0
-    largest: float = max(limits.noise, SCATTERED * watch.scatter) + goes_on + starts
+    goes_on = rule.FASTER * abs(rate) * elapsed if elapsed <= limits.gap else 0.0
+    largest: float = max(limits.noise, rule.SCATTERED * watch.scatter) + goes_on + starts
     return largest
 
 
@@ -65,18 +46,18 @@ def restart(watch: Watch, t: float, y: float) -> None:
 def take(watch: Watch, limits: ValueLimits, t: float, y: float) -> None:
     """Take a sample that follows the last one."""
     difference, elapsed = y - watch.last, t - watch.since
-    anew = watch.fresh >= READ_ANEW
+    anew = watch.fresh >= rule.READ_ANEW
     if difference != 0.0 or anew:
         second = abs(difference - watch.difference)
         watch.count += 1.0
-        watch.scatter += max(SLOW, 1.0 / watch.count) * (
+        watch.scatter += max(rule.SLOW, 1.0 / watch.count) * (
             min(second, 3.0 * watch.scatter + limits.noise) - watch.scatter
         )
         turned = 1.0 if difference * watch.difference < 0.0 else 0.0
-        watch.turns += SLOWEST * (turned - watch.turns)
+        watch.turns += rule.SLOWEST * (turned - watch.turns)
         watch.difference = difference
     if difference != 0.0:
-        watch.rate += QUICK * (difference / elapsed - watch.rate)
+        watch.rate += rule.QUICK * (difference / elapsed - watch.rate)
         if not anew:
             watch.fresh = watch.fresh + 1.0 if elapsed < 1.5 * limits.interval else 0.0
         watch.quantum = min(watch.quantum, abs(difference))
@@ -96,9 +77,9 @@ def doubt(watch: Watch, t: float, y: float) -> None:
 def fills_gap(watch: Watch, limits: ValueLimits, t: float, y: float) -> bool:
     """Whether the motion behind a step explains it, as after lost messages that a logger fills with the last value."""
     elapsed, step = t - watch.since, y - watch.last
-    was_held = IMPROBABLE * limits.interval < watch.doubt - watch.since <= limits.gap
-    moves_on = watch.doubt_rate * step > 0.0 and abs(step) <= FASTER * abs(watch.doubt_rate) * elapsed
-    return bool(was_held and moves_on and t - watch.doubt <= STANDS * limits.interval)
+    was_held = rule.IMPROBABLE * limits.interval < watch.doubt - watch.since <= limits.gap
+    moves_on = watch.doubt_rate * step > 0.0 and abs(step) <= rule.FASTER * abs(watch.doubt_rate) * elapsed
+    return bool(was_held and moves_on and t - watch.doubt <= rule.STANDS * limits.interval)
 
 
 @kernel
@@ -108,22 +89,22 @@ def doubted(watch: Watch, limits: ValueLimits, t: float, y: float) -> int:
     if abs(y - watch.doubted) <= possible_step(watch, limits, dt, dt, watch.doubt_rate):
         if y != watch.doubted:
             watch.doubt_since = t
-        elif noisy(watch, limits) and t - watch.doubt_since > STANDS * limits.interval:
+        elif noisy(watch, limits) and t - watch.doubt_since > rule.STANDS * limits.interval:
             watch.doubt = t  # a sensor that stands still after a step is not believed
-        watch.doubt_rate += QUICK * ((y - watch.doubted) / dt - watch.doubt_rate)
+        watch.doubt_rate += rule.QUICK * ((y - watch.doubted) / dt - watch.doubt_rate)
         watch.doubted, watch.doubt_seen = y, t
         if fills_gap(watch, limits, t, y):
-            return EXPLAINED
+            return rule.EXPLAINED
         if t - watch.doubt < min(
-            limits.believed_after, 2.0 * (watch.seen - watch.age) + (STANDS - 1.0) * limits.interval
+            limits.believed_after, 2.0 * (watch.seen - watch.age) + (rule.STANDS - 1.0) * limits.interval
         ):
-            return STEP
-        return SEAM
+            return rule.STEP
+        return rule.SEAM
     away = t - watch.seen
-    if abs(y - watch.last) <= limits.noise + SCATTERED * watch.scatter + limits.speed * away:
-        return VALUE
+    if abs(y - watch.last) <= limits.noise + rule.SCATTERED * watch.scatter + limits.speed * away:
+        return rule.VALUE
     doubt(watch, t, y)
-    return STEP
+    return rule.STEP
 
 
 @kernel
@@ -131,22 +112,22 @@ def judge(watch: Watch, limits: ValueLimits, t: float, y: float) -> int:
     """Verdict on the next sample."""
     if math.isnan(y) or not limits.low <= y <= limits.high:
         watch.equal = 0.0
-        return VALUE if math.isnan(y) else BEYOND
+        return rule.VALUE if math.isnan(y) else rule.BEYOND
     latest = watch.seen if math.isnan(watch.doubt) else watch.doubt_seen
     if not t - latest <= limits.gap:
         restart(watch, t, y)
-        return VALUE
+        return rule.VALUE
     if not math.isnan(watch.doubt):
         verdict = doubted(watch, limits, t, y)
-        if verdict in (VALUE, EXPLAINED):
+        if verdict in (rule.VALUE, rule.EXPLAINED):
             take(watch, limits, t, y)
         return verdict
     step = possible_step(watch, limits, t - watch.since, t - watch.seen, watch.rate)
     if abs(y - watch.last) > step:
         doubt(watch, t, y)
-        return STEP
+        return rule.STEP
     take(watch, limits, t, y)
-    return VALUE
+    return rule.VALUE
 
 
 @kernel
@@ -155,17 +136,17 @@ def judge_next(watch: Watch, limits: ValueLimits, t: float, y: float, supply: fl
     if supply != watch.supply or exhaust != watch.exhaust:
         watch.supply, watch.exhaust, watch.others_since = supply, exhaust, t
     verdict = judge(watch, limits, t, y)
-    if verdict in (SEAM, EXPLAINED):
+    if verdict in (rule.SEAM, rule.EXPLAINED):
         watch.step, watch.began = watch.doubt, watch.age
-    if verdict == SEAM:
+    if verdict == rule.SEAM:
         restart(watch, t, y)
-    elif verdict in (VALUE, EXPLAINED) and not math.isnan(y):
+    elif verdict in (rule.VALUE, rule.EXPLAINED) and not math.isnan(y):
         watch.doubt = math.nan
         watch.equal = watch.equal + 1.0 if t > watch.since else 0.0
         turns, began = watch.turns_before * watch.equal, t - watch.equal * limits.interval
-        repeated = turns > IMPOSSIBLE and watch.equal * limits.interval > limits.gap and noisy(watch, limits)
+        repeated = turns > rule.IMPOSSIBLE and watch.equal * limits.interval > limits.gap and noisy(watch, limits)
         if repeated and watch.others_since < began + 0.5 * limits.interval:
-            verdict, watch.began = REPEATED, began
+            verdict, watch.began = rule.REPEATED, began
     return verdict
 
 
@@ -199,5 +180,5 @@ def follow_values(
     """
     for i in range(time.size):
         verdicts[i] = judge_next(watch, limits, time[i], values[i], others[i, 0], others[i, 1])
-        if verdicts[i] >= SEAM:
+        if verdicts[i] >= rule.SEAM:
             since[i, 0], since[i, 1] = watch.step, watch.began

@@ -15,17 +15,7 @@ from clutchid.strokes.stream import joined_edges
 
 SectionKind = Literal["stroke", "rest"]
 
-#: Labels of strokes and of rests, in the field's words.
-STROKE_LABELS = (
-    "full stroke",
-    "partial stroke",
-    "gear shift",
-    "pull-away",
-    "slip control",
-    "ramp",
-    "staircase",
-    "bang-bang",
-)
+#: Labels of rests, in the field's words; those of strokes are `clutchid.strokes.borders.STROKE_LABELS`.
 RESTS = ("vented rest", "held", "no position")
 
 
@@ -107,14 +97,10 @@ def joined(sections: Iterable[Section]) -> Log:
     logs = [section.log for section in ordered]
     names = tuple(logs[0].columns)
     for previous, other in pairwise(logs):
-        if set(other.columns) != set(names):
+        if set(other.columns) != set(names) or not other.time[0] > previous.time[-1]:
             raise DataError(
-                f"{other.name}: sections with different columns cannot be joined; join sections of one recording only."
-            )
-        if not other.time[0] > previous.time[-1]:
-            raise DataError(
-                f"{other.name}: a section begins at {other.time[0]:.6g} s, but the one before ends at "
-                f"{previous.time[-1]:.6g} s; join disjoint sections of one recording."
+                f"{other.name}: a section that begins at {other.time[0]:.6g} s overlaps with the one before, or has "
+                "other columns; join disjoint sections of one recording."
             )
     steps = [np.diff(log.time) for log in logs if len(log) > 1]
     short = 2 * HOLE * float(np.median(np.concatenate(steps))) if steps else np.inf

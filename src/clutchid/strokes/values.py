@@ -18,7 +18,8 @@ from clutchid.codegen import records
 from clutchid.codegen.kernels import kernels_in
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log, sample_interval
 from clutchid.log.states import SENSORS
-from clutchid.measurements.checks import DUTY_ROUNDING, check_duties
+from clutchid.measurements import DUTY_ROUNDING, check_duties
+from clutchid.messages import sample_count
 from clutchid.model.actuator import Actuator
 from clutchid.strokes import rule
 from clutchid.strokes.sampled import runs
@@ -87,8 +88,8 @@ def possible_motion(actuator: Actuator, interval: float) -> Motion:
 #: Of each measured column the least and the largest limits for which its samples are judged alike.
 Bounds: TypeAlias = Mapping[str, tuple[rule.ValueLimits, rule.ValueLimits]]
 
-#: Rates may be larger for samples without a step; and a share of them by which such a recording is judged when a second
-#: actuator asks: then it holds for nearly all that follow.
+#: Rates may be larger for samples without a step; and a share of them by which a recording is judged first: then it
+#: holds for nearly all actuators that follow.
 _SHARE = 0.5
 
 
@@ -225,7 +226,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     >>> y = np.where((t > 0.5) & (t < 0.5025), 65.535e-3, 1e-5 * np.sin(40 * t))
     >>> values = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
     >>> values.faults[0].sentence
-    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm): they count as missing.'
+    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm), taken as missing.'
     """
     judged: Any = log.derived.get(values_of)
     if judged is not None and _within(judged[2], actuator):
@@ -241,7 +242,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     interval = sample_interval(log.time, 0.0) if measured else 0.0
     bounds = dict[str, tuple[rule.ValueLimits, rule.ValueLimits]]()
     for name in measured if interval > 0.0 else ():
-        bounds[name] = _judge(log, name, limits(actuator, name, interval), judged is not None, missing, faults)
+        bounds[name] = _judge(log, name, limits(actuator, name, interval), missing, faults)
     if not faults:
         log.derived[values_of] = None, (), bounds
         return Values(log, (), bounds)
@@ -274,12 +275,10 @@ def with_inputs_in_range(log: Log) -> Log:
         If they are many.
     """
     check_duties(log)
-    missing: dict[str, BoolArray] = {}
-    for name in INPUTS:
-        if name in log:
-            _out_of_range(log, name, missing)
-    columns = {name: np.where(mask, np.nan, log[name]) for name, mask in missing.items()}
-    return log.with_columns(**columns) if columns else log
+    wrong = {name: mask for name in INPUTS if name in log and (mask := outside(name, log[name])).any()}
+    return (
+        log.with_columns(**{name: np.where(mask, np.nan, log[name]) for name, mask in wrong.items()}) if wrong else log
+    )
 
 
 #: Duty cycles with rounding, and pressures of an air supply. Where most of a column is outside, it has another unit: a
@@ -296,7 +295,7 @@ def within_rounding(duty: FloatArray) -> FloatArray:
 
 
 def outside(name: str, values: FloatArray) -> BoolArray:
-    """Whether each of the values is no duty cycle, or no pressure of an air supply; False where it is missing."""
+    """Whether each value is no duty cycle, or no pressure of an air supply; False where it is missing."""
     low, high = _RANGES[name]
     return (values < low) | (values > high)
 
@@ -307,13 +306,12 @@ _BEYOND = {
     "pressure_supply": "outside what an air supply has (3 to 16 bar absolute)",
     **dict.fromkeys(INPUTS, "outside 0 to 1"),
 }
+#: Columns that stand still together where a logger repeats its samples.
+_WATCHED = frozenset(["position", "pressure_a", "pressure_supply", *INPUTS])
 _STEP = {"position": "than a piston moves", "pressure_a": "than a valve fills"}
 
 
 def _out_of_range(log: Log, name: str, missing: dict[str, BoolArray]) -> list[Fault]:
-    low, high = _RANGES[name]
-    if low <= np.fmin.reduce(log[name]) and np.fmax.reduce(log[name]) <= high:
-        return []
     wrong = outside(name, log[name])
     if not wrong.any():
         return []
@@ -329,14 +327,14 @@ def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
 
 
 def _judge(
-    log: Log, name: str, bounds: rule.ValueLimits, tighter: bool, missing: dict[str, BoolArray], faults: list[Fault]
+    log: Log, name: str, bounds: rule.ValueLimits, missing: dict[str, BoolArray], faults: list[Fault]
 ) -> tuple[rule.ValueLimits, rule.ValueLimits]:
     """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
 
-    The rates only limit steps: without one, larger rates change nothing. `tighter`: smaller ones are tried first.
+    The rates only limit steps: without one, larger rates change nothing. Smaller ones are tried first.
     """
     duties, least, largest = log.duties(), bounds, bounds
-    for share in (_SHARE, 1.0) if tighter else (1.0,):
+    for share in (_SHARE, 1.0):
         narrow, wide = records.record_copy(bounds), records.record_copy(bounds)
         narrow.speed, narrow.acceleration = share * bounds.speed, share * bounds.acceleration
         wide.speed, wide.acceleration = np.inf, np.inf
@@ -356,27 +354,23 @@ def _add_faults(
     beyond, steps = verdicts == rule.BEYOND, verdicts == rule.STEP
     if _too_many(log, name, beyond | steps):
         return
-    missing[name] = missing.get(name, np.zeros(len(log), dtype=bool)) | beyond | steps
-    new = [_fault(log, name, "beyond", beyond, _BEYOND[name])] if beyond.any() else []
+    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
+    missing[name] = missing.get(name, False) | beyond | steps
+    if beyond.any():
+        faults.append(_fault(log, name, "beyond", beyond, _BEYOND[name]))
     if steps.any():
-        words = f"further from those before {_STEP[name]} in that time"
-        new.append(_fault(log, name, "step", steps, words))
+        faults.append(_fault(log, name, "step", steps, f"further from those before {_STEP[name]} in that time"))
     repeated = _repeated(log, name, verdicts, since)
     if repeated.any() and not any(fault.kind == "repeated" for fault in faults):
-        for channel in log.columns.keys() & {"position", "pressure_a", "pressure_supply", *INPUTS}:
+        words = "that repeat the ones before, as of a logger that hangs"
+        faults.append(_fault(log, "all channels", "repeated", repeated, words))
+        for channel in log.columns.keys() & _WATCHED:
             missing[channel] = missing.get(channel, False) | repeated
-        new.append(
-            _fault(log, "all channels", "repeated", repeated, "that repeat the ones before, as of a logger that hangs")
-        )
-    seam_times = {fault.first for fault in faults if fault.kind == "seam"}
     for i in seams:
-        if log.time[i] in seam_times:
-            continue
-        for channel in INPUTS:
-            missing[channel] = missing.get(channel, np.zeros(len(log), dtype=bool)).copy()
-            missing[channel][i] = True
-        new.append(_seam(log, name, i, missing[name]))
-    faults += new
+        if log.time[i] not in seam_times:
+            for channel in INPUTS:
+                missing[channel] = missing.get(channel, False) | (np.arange(len(log)) == i)
+            faults.append(_seam(log, name, i, missing[name]))
 
 
 def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list[int]:
@@ -402,7 +396,7 @@ def _settled(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> list
 def _repeated(log: Log, name: str, verdicts: Verdicts, since: FloatArray) -> BoolArray:
     """Samples that a logger repeated in all channels; a column at its own limit is saturated, not repeated."""
     repeated, values = np.zeros(len(log), dtype=bool), log[name]
-    others = [log[other] for other in ("position", "pressure_a", "pressure_supply", *INPUTS) if other in log]
+    others = [log[other] for other in log.columns.keys() & _WATCHED]
     for a, b in runs(verdicts == rule.REPEATED):
         first = int(np.argmin(np.abs(log.time - since[a, 1])))
         end = b + int(np.argmax(np.append(values[b:] != values[a], True)))
@@ -424,12 +418,7 @@ def _fault(log: Log, name: str, kind: str, wrong: BoolArray, words: str) -> Faul
     """A fault of samples that become missing."""
     count, first = int(wrong.sum()), int(np.argmax(wrong))
     shown = f" ({_shown(name, float(log[name][first]))})" if name in log else ""
-    at = f"at {log.time[first]:.3f} s{shown}"
-    sentence = (
-        f"{name}: {count:,} samples {words}, the first {at}: they count as missing."
-        if count > 1
-        else f"{name}: a sample {words}, {at}: it counts as missing."
-    )
+    sentence = f"{name}: {sample_count(count)} {words}, the first at {log.time[first]:.3f} s{shown}, taken as missing."
     return Fault(name, kind, count, float(log.time[first]), sentence)
 
 

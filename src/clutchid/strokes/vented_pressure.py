@@ -10,7 +10,7 @@ import numpy as np
 
 from clutchid.log import INPUTS, BoolArray, FloatArray, Log, sample_interval
 from clutchid.log.units import UNITS
-from clutchid.measurements.source import UNIT_KEY, VENTED_KEY
+from clutchid.measurements import UNIT_KEY, VENTED_KEY
 from clutchid.parameters import known_ambient
 from clutchid.strokes.rest_level import CLOSED, LOW_END
 from clutchid.strokes.sampled import runs

@@ -60,8 +60,7 @@ def cut(
     >>> bool(len(best) <= 8000), f"{best['position'].max() * 1e3:.0f} mm"
     (True, '23 mm')
     """
-    from clutchid.measurements import read_pieces
-    from clutchid.measurements.checks import check_duties
+    from clutchid.measurements import check_duties, read_pieces
 
     if isinstance(recording, Log):
         check_duties(recording)

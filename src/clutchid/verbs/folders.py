@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from clutchid.measurements.formats.kinds import is_recording
+from clutchid.measurements import is_recording
 from clutchid.measurements.suffixes import SUFFIXES_SHOWN, by_suffix, recording_name, split_name
 from clutchid.names import as_text
 from clutchid.wear.history import RecordingJob

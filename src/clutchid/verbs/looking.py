@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from clutchid.documents.results import Looked
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
-from clutchid.measurements import read_pieces
-from clutchid.measurements.columns import QUANTITIES
+from clutchid.measurements import QUANTITIES, read_pieces
 from clutchid.measurements.look import look
 from clutchid.measurements.map.channel_map import read_map, write_map
 from clutchid.parameters import known_ambient
@@ -19,8 +18,8 @@ from clutchid.parameters import known_ambient
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
     from clutchid.inference.uncertainty.calibration import Calibration
+    from clutchid.measurements.look import FileOverview
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.measurements.overview import FileOverview
     from clutchid.model.actuator import Actuator
     from clutchid.preparation.inspection import Check, Grade
     from clutchid.strokes.vented_rest import ZeroedLog
@@ -91,7 +90,7 @@ def is_map(path: Path) -> bool:
 
 
 def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
-    """Write the proposed channel map, with the listing of the file as a comment.
+    """Write the proposed channel map, with what is open and the listing of the file as a comment.
 
     Raises
     ------
@@ -99,7 +98,8 @@ def save_proposed(contents: FileOverview, path: Path) -> ChannelMap:
         If the file cannot be written.
     """
     proposed = contents.proposal.channels
-    write_map(replace(proposed, comments={**proposed.comments, "": contents.listing()}), path)
+    comment = "\n".join((*contents.proposal.open, contents.listing()))
+    write_map(replace(proposed, comment=comment), path)
     return proposed
 
 

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.log import INPUTS, Log
-from clutchid.measurements.opening import NoFramesError
+from clutchid.measurements import NoFramesError
 from clutchid.measurements.suffixes import by_suffix, split_name
 from clutchid.parameters import known_ambient
 from clutchid.strokes.vented_rest import VentedRest, Zero, from_rest

@@ -18,19 +18,15 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log
-from clutchid.measurements import source_pieces
-from clutchid.measurements.checks import AMBIENT, in_si
-from clutchid.measurements.columns import Heading
+from clutchid.measurements import AMBIENT, BLOCK, Heading, Source, in_si, open_source, source_pieces
 from clutchid.measurements.look import overview_of
 from clutchid.measurements.map.channel_map import read_map
-from clutchid.measurements.opening import open_source
-from clutchid.measurements.source import BLOCK, Source
 from clutchid.measurements.stored import BIN, StoredColumn, column_of, extremes_of, store, stored, write_column
 from clutchid.verbs.looking import NEEDED, Looked, checked_recording
 
 if TYPE_CHECKING:
+    from clutchid.measurements.look import FileOverview
     from clutchid.measurements.map.channel_map import ChannelMap
-    from clutchid.measurements.overview import FileOverview
     from clutchid.strokes import Section
 
 #: Index under which the time in s of a time grid is stored: it never decreases.

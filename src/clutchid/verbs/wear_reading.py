@@ -17,7 +17,7 @@ from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.files import digest
 from clutchid.log import Log
-from clutchid.measurements.opening import NoFramesError
+from clutchid.measurements import NoFramesError
 from clutchid.names import as_text
 from clutchid.processes import LostWork
 from clutchid.strokes.vented_rest import Zero, from_rest

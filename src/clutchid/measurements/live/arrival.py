@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
+from clutchid.measurements.clock import usual_interval
 from clutchid.measurements.live.order import (
     FIRST,
     ArrivedBatch,
@@ -18,7 +19,7 @@ from clutchid.measurements.live.order import (
     sorted_in,
 )
 from clutchid.measurements.map.channel_map import PickedChannels
-from clutchid.measurements.time_axis import SampleBlock, align, usual_interval
+from clutchid.measurements.time_axis import SampleBlock, align
 
 #: Entry of the metadata: the stamp of the source in s that is the time 0 of the recording.
 ORIGIN = "origin_s"
@@ -34,18 +35,6 @@ class LiveBlock:
 
     log: Log
     left_out: LeftOutCounts
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _UnusedSamples:
-    """Samples in order: those of the position's stream that no block has had, and the others' about them.
-
-    `longest` is by quantity the time in s for which a sample is held, None before the first block.
-    """
-
-    base: SampleBlock
-    others: tuple[SampleBlock, ...]
-    longest: Mapping[str, float] | None = None
 
 
 def live_blocks(
@@ -81,7 +70,8 @@ def live_blocks(
         If there is no sample; or as `batches`.
     """
     waiting = none_waiting([[column for column in chosen.columns if column != "time"] for chosen in picks], word, shift)
-    unused, left, said = _UnusedSamples(waiting.streams[0], waiting.streams[1:]), LeftOutCounts(), tuple[str, ...]()
+    unused, left, said = waiting.streams, LeftOutCounts(), tuple[str, ...]()
+    longest: Mapping[str, float] = {}
     trouble: DataError | None = None
     begun = ended = False
     while not ended:
@@ -93,7 +83,14 @@ def live_blocks(
         waiting, out, sentences = sorted_in(waiting, batch or ArrivedBatch(np.empty(0), ()), ended=ended)
         left, said = left.plus(out), (*said, *sentences)
         waiting, ready = final(waiting, ended=ended)
-        unused, block = _joined(unused, ready, picks, ended=ended)
+        unused = tuple(
+            old.followed_by(new.earlier(chosen.delay)) for old, new, chosen in zip(unused, ready, picks, strict=True)
+        )
+        count = unused[0].time.size if ended else _settled(unused[0].time, picks)
+        if not longest and count < FIRST and not ended:
+            continue
+        longest = longest or _longest(unused, picks)
+        unused, block = _joined(unused, count, longest)
         if block.time.size or (ended and begun and any((*left, *said))):
             moved = waiting.clock.shift
             now = metadata if origin is None and not moved else {**metadata, ORIGIN: repr((origin or 0.0) - moved)}
@@ -106,26 +103,24 @@ def live_blocks(
 
 
 def _joined(
-    unused: _UnusedSamples, ready: Sequence[SampleBlock], picks: Sequence[PickedChannels], *, ended: bool
-) -> tuple[_UnusedSamples, SampleBlock]:
-    """Samples of the position's stream with the columns of the others, as far as all of these are final."""
-    base, *others = (
-        old.followed_by(new.earlier(chosen.delay))
-        for old, new, chosen in zip((unused.base, *unused.others), ready, picks, strict=True)
-    )
-    count = base.time.size if ended else _settled(base.time, picks)
-    if unused.longest is None and count < FIRST and not ended:
-        return replace(unused, base=base, others=tuple(others)), base.take(slice(0))
-    longest = unused.longest or _longest(base.time[:FIRST], others, picks)
+    streams: Sequence[SampleBlock], count: int, longest: Mapping[str, float]
+) -> tuple[tuple[SampleBlock, ...], SampleBlock]:
+    """The first `count` samples of the position's stream with the columns of the others, in front of what is left.
+
+    `longest` is by quantity the time in s for which a sample is held.
+    """
+    base, *others = streams
     block = base.take(slice(count))
+    if not count:
+        return tuple(streams), block
     columns = dict(block.columns)
     for stream in others:
         columns |= {
             name: align(block.time, stream.time, values, longest[name], hold=True)
             for name, values in stream.columns.items()
         }
-    held = tuple(stream.since(float(block.time[-1])) for stream in others) if block.time.size else tuple(others)
-    return _UnusedSamples(base.take(slice(count, None)), held, longest), SampleBlock(block.time, columns)
+    held = (stream.since(float(block.time[-1])) for stream in others)
+    return (base.take(slice(count, None)), *held), SampleBlock(block.time, columns)
 
 
 def _settled(time: FloatArray, picks: Sequence[PickedChannels]) -> int:
@@ -134,10 +129,10 @@ def _settled(time: FloatArray, picks: Sequence[PickedChannels]) -> int:
     return int(np.searchsorted(time, time[-1] - behind, side="right")) if time.size else 0
 
 
-def _longest(time: FloatArray, others: Sequence[SampleBlock], picks: Sequence[PickedChannels]) -> dict[str, float]:
-    """The time in s for which each quantity of the other streams is held, from the first samples."""
+def _longest(streams: Sequence[SampleBlock], picks: Sequence[PickedChannels]) -> dict[str, float]:
+    """The time in s for which each quantity is held, from the first samples."""
+    until = streams[0].time[:FIRST].max(initial=-np.inf)
     longest: dict[str, float] = {}
-    for samples, chosen in zip(others, picks[1:], strict=True):
-        until = np.searchsorted(samples.time, time[-1], side="right") if time.size else 0
-        longest |= chosen.longest(usual_interval(samples.time[:until]))
+    for stream, chosen in zip(streams, picks, strict=True):
+        longest |= chosen.longest(usual_interval(stream.split(float(until))[0].time))
     return longest

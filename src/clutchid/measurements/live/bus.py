@@ -224,23 +224,16 @@ def _learnt(
             continue
         late = block is None or waited >= _PATIENT
         wanted = required if late or waited >= SLOW_MESSAGES or channels is None else (*required, *channels.channels)
+        if late and not streams:
+            raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
+        ordered = streams_in_order(streams, lookup.messages)
         try:
-            rasters, picks = _picked(name, streams_in_order(streams, lookup.messages), channels, wanted)
+            picks = picked_streams(name, stream_rasters(ordered, {}), channels, wanted)
         except DataError:
             if late:
                 raise
         else:
-            return first, _BusLayout(lookup, rasters, picks, float(origin))
-
-
-def _picked(
-    name: str, streams: Sequence[FrameStream], channels: ChannelMap | None, required: Sequence[str]
-) -> tuple[dict[FrameStream, int], tuple[PickedChannels, ...]]:
-    """The streams by the index of their time grid, and the channels that the map picks."""
-    if not streams:
-        raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
-    picks = picked_streams(name, stream_rasters(streams, {}), channels, required)
-    return {stream: i for i, stream in enumerate(streams)}, picks
+            return first, _BusLayout(lookup, {stream: i for i, stream in enumerate(ordered)}, picks, float(origin))
 
 
 def _batch(frames: Frames, bus: _BusLayout, ambient: float) -> ArrivedBatch:

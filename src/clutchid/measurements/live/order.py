@@ -28,12 +28,13 @@ from clutchid.measurements.clock import (
     joined_runs,
     sentences,
     shifts_of,
+    usual_interval,
 )
 from clutchid.measurements.columns import heading_problems
 from clutchid.measurements.conversion import picked, picked_values
 from clutchid.measurements.map.channel_map import Channel, ChannelMap, PickedChannels
 from clutchid.measurements.source import Places, Raster, Rows, Source, Table, in_contract, no_tables
-from clutchid.measurements.time_axis import SampleBlock, no_samples, usual_interval
+from clutchid.measurements.time_axis import SampleBlock, no_samples
 
 _ADVICE = (
     "Name the channels as in `time [s],position [m],duty_supply [1],duty_exhaust [1]`, or give a channel map with "

@@ -39,8 +39,8 @@ HEAD_LINES = 120
 #: Bytes of the longest line.
 LONGEST = 1 << 20
 
-#: What stands for a line that is longer: it cannot be read either.
-_TOO_LONG = b"?\n"
+#: What the end of a line that is longer begins with: no cell, and no object.
+_TOO_LONG = b"?"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -122,14 +122,11 @@ def _cut(text: bytes, lines: int) -> tuple[bytes, bytes]:
 def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
     """Whole lines in UTF-8 with line feeds; an unfinished line waits for its rest, and is dropped at the end.
 
-    A line that is too long is `_TOO_LONG` instead, unless it is the first one.
+    A line that is too long is the last part of it, after `_TOO_LONG`.
     """
-    rest, begun, any_, cutting = b"", False, False, False
+    rest, begun, any_ = b"", False, False
     for piece in pieces:
         text = rest + piece
-        if cutting:  # the rest of a line that was too long
-            _, ended, text = text.partition(b"\n")
-            cutting = not ended
         if not begun and len(text) >= len(BOM_UTF8):
             if text.startswith(BOMS_UTF16):
                 raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
@@ -139,13 +136,11 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
         if end:
             any_ = True
             yield _as_utf8(text[:end]).replace(b"\r\n", b"\n")
-        if len(rest) > LONGEST:
-            if not any_:
-                raise DataError(
-                    f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
-                )
-            rest, cutting = b"", True
-            yield _TOO_LONG
+        if len(rest) > LONGEST and not any_:
+            raise DataError(
+                f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
+            )
+        rest = rest if len(rest) <= LONGEST else _TOO_LONG + rest[-LONGEST // 2 :]
 
 
 def _as_utf8(text: bytes) -> bytes:

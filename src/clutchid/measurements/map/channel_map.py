@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -91,16 +91,15 @@ class ChannelMap:
         Interval of the common time grid; without it, that of the channel with the highest rate.
     rate : Hz
         Of a file without time: the time is sample / rate.
-    comments
-        By entry, and on the file as a whole under an empty name; they are written but not read. A comment on an entry
-        that is missing is written with a block to be filled in.
+    comment
+        On the file as a whole; it is written but not read.
     """
 
     channels: Mapping[str, Channel]
     dbc: tuple[Path, ...] = ()
     raster: float | None = None
     rate: float | None = None
-    comments: Mapping[str, str] = field(default_factory=dict)
+    comment: str = ""
 
 
 #: Index of a time that is counted, sample / rate, not read.
@@ -210,29 +209,21 @@ def map_text(content: ChannelMap, folder: Path) -> str:
     import tomli_w
 
     top: dict[str, Any] = {}
-    blank = ""
     if content.dbc:
         top["dbc"] = [_relative(file, folder) for file in content.dbc]
     top |= {key: value for key in ("raster", "rate") if (value := getattr(content, key)) is not None}
-    if content.rate is None and "rate" in content.comments:
-        blank = f"# rate = ?  # {content.comments['rate']}\n"
     parts = [
         "# Channel map of clutchid: quantity = sign * factor * sample + offset in the unit, taken at stamp - delay.",
-        (blank + tomli_w.dumps(top)).rstrip(),
+        tomli_w.dumps(top).rstrip(),
     ]
     for name, entry in content.channels.items():
-        comment = content.comments.get(name)
         values = {
             item.name: getattr(entry, item.name)
             for item in fields(entry)
             if getattr(entry, item.name) not in (None, item.default)
         }
-        lines = ([f"# {comment}"] if comment else []) + [tomli_w.dumps({name: values}).rstrip()]
-        parts.append("\n".join(lines))
-    for name, comment in content.comments.items():
-        if name in QUANTITIES and name not in content.channels:
-            parts.append(f'# [{name}]\n# channel = "?"  # {comment}')
-    parts.append("\n".join(f"# {line}" for line in content.comments.get("", "").splitlines()))
+        parts.append(tomli_w.dumps({name: values}).rstrip())
+    parts.append("\n".join(f"# {line}" for line in content.comment.splitlines()))
     return "\n\n".join(part for part in parts if part) + "\n"
 
 

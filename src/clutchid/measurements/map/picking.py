@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from clutchid.log.units import known_units
@@ -32,7 +32,7 @@ def pick(
     clocks: dict[int, tuple[Heading, Channel]] = {}
     notes: list[str] = []
     for name, entry in channels.channels.items():
-        places = list(_named(source, entry))
+        places = _named(source, entry)
         if not places and name in OPTIONAL and name not in required:
             notes.append(f"{name}: this file has no channel '{entry.channel}', and is read without it.")
             continue
@@ -83,12 +83,9 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
     warning = ""
     if heading.unit is None and named:
         warning = f"time: the unit [{unit}] is taken from the name of the channel '{heading.text}'."
-    elif heading.unit is None and means_time(heading.text):
-        warning = f"time: '{heading.text}' has no unit; [s] is guessed. Give another one in [time] of a channel map."
     elif heading.unit is None:
-        warning = (
-            f"time: '{heading.text}' increases and is taken for time in [s], a guess; add [time] to a channel map."
-        )
+        reason = "has no unit" if means_time(heading.text) else "increases and is taken for time"
+        warning = f"time: '{heading.text}' {reason}; [s] is guessed. Give another one in [time] of a channel map."
     return replace(heading, name="time", unit=unit), warning
 
 
@@ -117,21 +114,20 @@ def _clock(
     return Heading(COUNTED, "sample / rate", "time", "s"), Channel("")
 
 
-def _named(source: Source, entry: Channel) -> Iterator[tuple[int, Heading]]:
+def _named(source: Source, entry: Channel) -> list[tuple[int, Heading]]:
     """Channels with that name, else with that name before a unit in brackets; then both in any case."""
     wanted = channel_name(entry.channel)
-    within = [(i, raster) for i, raster in enumerate(source.rasters) if entry.group in (None, raster.name)]
+    within = [
+        (index, heading)
+        for index, raster in enumerate(source.rasters)
+        if entry.group in (None, raster.name)
+        for heading in raster.headings
+    ]
     for same in (str, str.casefold):
         for part in (str, _bare):
-            places = [
-                (index, heading)
-                for index, raster in within
-                for heading in raster.headings
-                if same(part(heading.text)) == same(wanted)
-            ]
-            if places:
-                yield from places
-                return
+            if places := [place for place in within if same(part(place[1].text)) == same(wanted)]:
+                return places
+    return []
 
 
 def _namesakes(name: str, heading: Heading, raster: Raster) -> list[str]:

@@ -1,14 +1,15 @@
 """Propose a channel map from the names, units and ranges of the channels in a file.
 
 Supply pressure and temperature of the air are conditions of a recording, which any vehicle may have. No fit needs them,
-so what is unclear about one is a note, and a file is read without it.
+so a candidate that is unclear is left out with a note.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 from clutchid.errors import DataError
 from clutchid.log import INPUTS
@@ -25,7 +26,7 @@ from clutchid.measurements.map.channel_words import (
     name_score,
 )
 from clutchid.measurements.map.picking import own_clock
-from clutchid.measurements.map.ranges import PLAUSIBLE, Range, Ranges, gauge_unit, guessed_unit
+from clutchid.measurements.map.ranges import PLAUSIBLE, Range, gauge_unit, guessed_unit, range_of
 from clutchid.measurements.source import Raster, Source
 from clutchid.messages import listed
 
@@ -35,25 +36,25 @@ STANDARD = 100.0
 #: Loss of score of a duty cycle with the name of a set point: the measured one is preferred.
 _SET_POINT = 0.25
 
-#: Difference of duty cycles up to which two channels have one range: a percent, as rounding leaves it.
-_SAME = 0.01
+#: What the conditions of a recording are of.
+_CONDITIONS = {"pressure_supply": "an air supply", "temperature_ambient": "the air"}
 
 #: Why the channel of a circuit is proposed.
 _REASONS = {
     Circuit.POWERTRAIN: "it is that of the powertrain or the clutch",
     Circuit.AUXILIARIES: "the circuit of auxiliaries (circuit 4) usually supplies the clutch actuator",
     Circuit.SUPPLY: "no channel is nearer to the clutch than the supply as a whole",
-    Circuit.BRAKES: "no other is recorded; check, because braking lowers the circuits of the brakes",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A channel that may be a quantity, its score, its range, and its unit with the reason if that is a guess.
+    """A channel that may be the quantity `name`: its score, its range, and its unit with the reason if it is a guess.
 
     `implied` is a further assumption about the unit.
     """
 
+    name: str
     raster: Raster
     heading: Heading
     score: float
@@ -63,26 +64,32 @@ class Candidate:
     implied: str = ""
 
     @property
+    def place(self) -> tuple[str, str]:
+        """Names of its time grid and of the channel."""
+        return self.raster.name, self.heading.text
+
+    @property
     def circuit(self) -> Circuit | None:
         """Source of the air of a supply pressure, as its name says; None under the standard name."""
-        return None if self.score >= STANDARD else circuit_of(_title(self.heading))
+        named = self.name != "pressure_supply" or self.score >= STANDARD
+        return None if named else circuit_of(_title(self.heading))
 
     @property
     def flag(self) -> str:
         """Reason why it may be no duty cycle but a flag beside one; empty if none."""
-        if self.score >= STANDARD or self.heading.unit == "%":
+        if self.name not in INPUTS or self.score >= STANDARD or self.heading.unit == "%":
             return ""
         if is_beside(self.heading.text):
             return "is called like a flag or a state"
         return "is 0 or 1 only" if self.span.switched else ""
 
     @property
-    def rank(self) -> tuple[bool, bool]:
-        """Order among duty cycles, before any word: no flag, and a unit of its own."""
-        return bool(self.flag), self.heading.unit is None
+    def rank(self) -> tuple[bool, bool, float]:
+        """Order among the candidates: of duty cycles no flag and a unit of their own count before any word."""
+        return bool(self.flag), self.name in INPUTS and self.heading.unit is None, -self.score
 
 
-def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]:
+def _candidates(source: Source, name: str, ranges: Callable[..., Range]) -> Iterator[Candidate]:
     """Channels that are called like the quantity `name`, and have a unit of it or none."""
     for index, raster in enumerate(source.rasters):
         clock, _ = own_clock(raster)
@@ -93,11 +100,11 @@ def candidates(source: Source, name: str, ranges: Ranges) -> Iterator[Candidate]
             score = _score(name, heading)
             if score <= 0.0 or not (heading.unit is None or is_unit_of(name, heading.unit)):
                 continue
-            span = ranges(index, heading, further=score < STANDARD and name not in PLAUSIBLE)
+            span = ranges(index, heading.index, further=score < STANDARD and name not in PLAUSIBLE)
             span = span._replace(constant=span.constant and score < STANDARD)
             unit = heading.unit or unit_at_end(heading.text, QUANTITIES[name])
-            candidate = Candidate(raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
-            yield _gauge_of_standard(candidate) if name == "pressure_supply" and score < STANDARD else candidate
+            candidate = Candidate(name, raster, heading, score + (0.5 if unit else 0.0), span, *_unit(name, unit, span))
+            yield _gauge_of_standard(candidate) if candidate.circuit is not None else candidate
 
 
 def _score(name: str, heading: Heading) -> float:
@@ -147,11 +154,13 @@ def _title(heading: Heading) -> str:
     return parameter.title if parameter else heading.text
 
 
-def implausible(name: str, candidate: Candidate) -> str:
-    """Reason why the samples of a channel cannot be the condition `name`, in a sentence; empty if they can."""
-    text, unit, span = candidate.heading.text, candidate.unit, candidate.span
+def _implausible(candidate: Candidate) -> str:
+    """Reason why the samples of a channel cannot be a condition, in a sentence; empty if they can."""
+    name, unit, span = candidate.name, candidate.unit, candidate.span
+    if name not in PLAUSIBLE or candidate.score >= STANDARD:
+        return ""
     if math.isnan(span.low) or (span.constant and span.low == 0.0):
-        return f"{name}: '{text}' has no values and is left out."
+        return f"{name}: '{candidate.heading.text}' has no values and is left out."
     si_unit = UNITS.get(unit or "")
     if si_unit is None:
         return ""
@@ -159,8 +168,8 @@ def implausible(name: str, candidate: Candidate) -> str:
     least, most = PLAUSIBLE[name]
     if least <= low and high <= most:
         return ""
-    what = "an air supply" if name == "pressure_supply" else "the air"
-    return f"{name}: '{text}' is {span.low:.4g} to {span.high:.4g} {unit}, which {what} never has; it is left out."
+    what = f"is {span.low:.4g} to {span.high:.4g} {unit}, which {_CONDITIONS[name]} never has"
+    return f"{name}: '{candidate.heading.text}' {what}; it is left out."
 
 
 #: Number of channels that are listed where one is missing.
@@ -171,14 +180,10 @@ _LISTED = 8
 class Proposal:
     """A proposed channel map.
 
-    What is unclear about a condition of the recording is a note: nobody has to decide it.
-
     Attributes
     ----------
     channels
         The map.
-    certain
-        Quantities whose unit is known and that no other channel matches as well.
     open
         What the user has to decide, one sentence each.
     notes
@@ -186,24 +191,13 @@ class Proposal:
     """
 
     channels: ChannelMap
-    certain: tuple[str, ...]
     open: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether nothing has to be decided, so that the file can be read with this map."""
-        return not self.open and all(name in self.certain for name in self.channels.channels if name not in PLAUSIBLE)
-
-    @property
-    def without_uncertain(self) -> ChannelMap:
-        """The map without conditions that are not certain."""
-        channels = {
-            name: entry
-            for name, entry in self.channels.channels.items()
-            if name in self.certain or name not in PLAUSIBLE
-        }
-        return replace(self.channels, channels=channels)
+        return not self.open
 
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
@@ -216,40 +210,33 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     DataError
         If samples cannot be read.
     """
-    ranges = Ranges(source)
-    timed = _timed(source, ranges)
+    ranges = cache(partial(range_of, source))
+    timed = _timed(source)
     channels: dict[str, Channel] = {}
-    certain: list[str] = []
     remarks: list[str] = []
     notes: list[str] = []
-    comments: dict[str, str] = {}
     unused: dict[str, list[Candidate]] = {}
+    taken: set[tuple[str, str]] = set()
     for name in QUANTITIES:
-        named = [candidate for candidate in candidates(source, name, ranges) if not _taken(candidate, channels)]
+        named = [candidate for candidate in _candidates(source, name, ranges) if candidate.place not in taken]
+        notes += filter(None, map(_implausible, named))
         ranked = _ranked(name, named)
-        notes += _left_out(name, named)
         if not ranked or (name == "time" and timed and not (source.tabular and len(source.rasters) == 1)):
             unused[name] = named
             continue
         best, *others = ranked
         best = gauge_as_well(best, channels.get("pressure_a")) if name == "pressure_supply" else best
+        remark = _remark(best, [other for other in others if other.rank == best.rank], source.tabular)
+        if remark and name in PLAUSIBLE:
+            notes.append(f"{remark} It is left out; add the right one to a channel map.")
+            continue
         channels[name] = _entry(source, best)
-        comments[name] = _comment(best)
-        equal = _equal(name, best, others)
-        remark = _remark(name, best, equal, source.tabular)
-        (notes if name in PLAUSIBLE else remarks).extend([remark] if remark else [])
-        braking = name == "pressure_supply" and best.circuit is Circuit.BRAKES  # too far from a clutch to be sure
-        certain += [] if braking or remark else [name]
-        notes += _notes(name, best, others if not remark else ())
-        notes += _passed_over(name, best, [other for other in others if other not in equal])
-    for name in required:
-        if name not in channels and not (name == "time" and timed):
-            comments[name] = _choice(source, name, channels)
-            unread = _unread(source, name) if not unused[name] else ""
-            remarks.append(unread or _missing(name, unused[name], _set_points(source, name), comments[name]))
-            if name == "time":
-                comments["rate"] = "samples per second, for a file without time"
-    return Proposal(ChannelMap(channels, comments=comments), tuple(certain), tuple(remarks), tuple(notes))
+        taken.add(best.place)
+        remarks += [remark] if remark else []
+        notes += _notes(best, [other for other in others if other.rank != best.rank])
+    missing = [name for name in required if name not in channels and not (name == "time" and timed)]
+    remarks += [_missing(source, name, unused.get(name, []), channels) for name in missing]
+    return Proposal(ChannelMap(channels), tuple(remarks), tuple(notes))
 
 
 def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
@@ -261,20 +248,17 @@ def map_for(source: Source, required: Sequence[str]) -> ChannelMap | None:
         If there is none; the text lists what is open.
     """
     proposal = propose(source, required)
+    entries, standard = proposal.channels.channels, {heading.text: heading.name for heading in source.headings}
+    by_other_names = any(standard[entry.channel] != name for name, entry in entries.items())
     if proposal.complete:
-        return replace(proposal.without_uncertain, comments={"": "\n".join(_identified(source, proposal))})
-    if not source.rasters or (source.tabular and (means_the_contract(source) or not _by_other_names(source, proposal))):
+        assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in entries.items())
+        note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
+        return replace(proposal.channels, comment="\n".join([*([note] if by_other_names else []), *proposal.notes]))
+    if not source.rasters or (source.tabular and (means_the_contract(source) or not by_other_names)):
         return None
     save = "`clutchid look FILE --save MAP.toml` writes a proposed channel map; correct it and give it with --map."
     rename = _units_to_write(source, proposal) if source.tabular else []
     raise DataError.of(str(source.path), [*source.problems, *proposal.open, *rename, save])
-
-
-def _by_other_names(source: Source, proposal: Proposal) -> bool:
-    """Whether a channel was identified by another name than the standard one."""
-    standard = {heading.text: heading.name for heading in source.headings}
-    chosen = proposal.without_uncertain.channels
-    return any(standard[entry.channel] != name for name, entry in chosen.items())
 
 
 def means_the_contract(source: Source) -> bool:
@@ -293,164 +277,89 @@ def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
     return [f"write units in brackets behind the names: {', '.join(headings)}, if that is right."] if headings else []
 
 
-def _identified(source: Source, proposal: Proposal) -> list[str]:
-    """Warnings about channels that were identified by other names than the standard ones."""
-    chosen = proposal.without_uncertain.channels
-    if not _by_other_names(source, proposal):
-        return list(proposal.notes)
-    assigned = ", ".join(f"{name} = '{entry.channel}'" for name, entry in chosen.items())
-    note = f"the channels were identified by their names: {assigned}; give a channel map (--map) to be certain."
-    return [note, *proposal.notes]
-
-
-def _timed(source: Source, ranges: Ranges) -> bool:
+def _timed(source: Source) -> bool:
     """Whether the file defines the time of every time grid, and no interval contradicts its unit."""
     for index, raster in enumerate(source.rasters):
         clock, _ = own_clock(raster)
         if clock is None:
             return False
         undefined = any(heading.index == clock.index and heading.unit is None for heading in raster.headings)
-        if undefined and guessed_unit("time", ranges(index, clock)) not in (clock.unit, None):
+        if undefined and guessed_unit("time", range_of(source, index, clock.index)) not in (clock.unit, None):
             return False
     return bool(source.rasters)
 
 
-def _taken(candidate: Candidate, channels: Mapping[str, Channel]) -> bool:
-    return any(
-        entry.channel == candidate.heading.text and entry.group in (None, candidate.raster.name)
-        for entry in channels.values()
-    )
-
-
 def _ranked(name: str, named: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates by falling score, without constant ones; a duty cycle of 0 remains if it is the only candidate.
+    """Candidates by their rank, without constant ones; a duty cycle of 0 remains if it is the only candidate.
 
     A condition may be constant for all of a recording, but must be possible.
     """
     if name in PLAUSIBLE:
-        possible = [c for c in named if c.score >= STANDARD or not implausible(name, c)]
-        return sorted(possible, key=lambda candidate: -candidate.score)
-    chosen = [candidate for candidate in named if not candidate.span.constant]
+        chosen = [candidate for candidate in named if not _implausible(candidate)]
+    else:
+        chosen = [candidate for candidate in named if not candidate.span.constant]
     if not chosen and name in INPUTS and len(named) == 1 and named[0].span.high == 0.0:
         chosen = list(named)
-    return sorted(chosen, key=lambda candidate: (candidate.rank if name in INPUTS else (), -candidate.score))
+    return sorted(chosen, key=lambda candidate: candidate.rank)
 
 
-def _equal(name: str, best: Candidate, others: Sequence[Candidate]) -> list[Candidate]:
-    """Others that match as well as the best; one with the same values in another unit is the same quantity."""
-    equal = [other for other in others if other.score == best.score]
-    if name not in INPUTS:
-        return equal
-    return [other for other in equal if other.rank == best.rank and not _in_another_unit(best, other)]
-
-
-def _in_another_unit(first_channel: Candidate, other: Candidate) -> bool:
-    """Whether two channels, neither of them a flag, have the same range in SI and different units."""
-    first, second = (UNITS.get(candidate.unit or "") for candidate in (first_channel, other))
-    if first is None or second is None or first == second or first_channel.flag or other.flag:
-        return False
-    ends = [
-        (span.low * unit.scale, span.high * unit.scale)
-        for span, unit in ((first_channel.span, first), (other.span, second))
-    ]
-    return all(math.isclose(a, b, rel_tol=_SAME, abs_tol=_SAME) for a, b in zip(*ends, strict=True))
-
-
-def _remark(name: str, best: Candidate, equal: Sequence[Candidate], tabular: bool) -> str:
-    """Decision that a proposed channel needs; empty if none.
+def _remark(best: Candidate, equal: Sequence[Candidate], tabular: bool) -> str:
+    """Decision that a proposed channel needs, which others may `equal`; empty if none.
 
     A unit that is guessed under the standard name needs one only where the user can write it into a heading.
     """
-    text = best.heading.text
+    name, text = best.name, best.heading.text
     if equal:
         same = any(candidate.heading.text == text for candidate in equal)
         own, *others = [
             f"'{match.heading.text}'" + (f" of '{match.raster.name}'" if same and match.raster.name else "")
             for match in (best, *equal[:5])
         ]
-        return f"{name}: {own} is proposed, but {', '.join(others)} would match as well."
-    if name in INPUTS and is_beside(text) and best.flag:
+        may = "may be it" if name in PLAUSIBLE else "is proposed"
+        return f"{name}: {own} {may}, but {', '.join(others)} would match as well."
+    if best.circuit is Circuit.BRAKES:  # too far from a clutch to be sure
+        return f"{name}: '{text}' is in a circuit of the brakes, whose pressure falls with braking."
+    if best.flag and is_beside(text):
         return f"{name}: '{text}' {best.flag}; write it into a channel map if it is the duty cycle."
     if best.guess and (tabular or best.score < STANDARD):
         return f"{name}: '{text}' {best.guess}."
     return "" if best.unit else f"{name}: '{text}' has no known unit; add it to the map."
 
 
-def _left_out(name: str, candidates_of: Sequence[Candidate]) -> list[str]:
-    """Reasons why channels that are called like a condition are none."""
-    if name not in PLAUSIBLE:
-        return []
-    named = [c for c in candidates_of if c.score < STANDARD]
-    return [text for c in named if (text := implausible(name, c))]
-
-
-def _notes(name: str, best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
-    """Implications of the name and the samples of a proposed channel, and the reason against the `others`."""
-    circuit = best.circuit if name == "pressure_supply" else None
-    if circuit is not None and (others or circuit is Circuit.BRAKES):
-        names = listed(f"'{other.heading.text}'" for other in others)
-        beside = f"; others are {names}" if others else ""
-        yield f"pressure_supply: '{best.heading.text}' is proposed, because {_REASONS[circuit]}{beside}."
+def _notes(best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
+    """Implications of the name and the samples of a proposed channel, and the `others` that match less."""
+    name, own = best.name, f"{best.name}: '{best.heading.text}'"
+    names = listed(f"'{other.heading.text}'" for other in others)
+    if best.circuit is not None and others:
+        yield f"{own} is proposed, because {_REASONS[best.circuit]}; others are {names}."
+    if name in INPUTS and best.score < STANDARD and others:
+        yield f"{own} is proposed; by name it may also be {names}."
     if best.implied:
-        yield f"{name}: '{best.heading.text}' [{best.heading.unit or best.unit}] {best.implied}."
+        yield f"{own} [{best.heading.unit or best.unit}] {best.implied}."
     if best.guess and best.score >= STANDARD:
-        yield f"{name}: '{best.heading.text}' {best.guess}."
+        yield f"{own} {best.guess}."
     if best.heading.unit is None and best.unit and not best.guess:
         yield f"{name}: the unit [{best.unit}] is taken from the name of the channel '{best.heading.text}'."
     if best.span.constant and name not in PLAUSIBLE:
-        yield f"{name}: '{best.heading.text}' is constant at {best.span.low:g}."
+        yield f"{own} is constant at {best.span.low:g}."
 
 
-def _passed_over(name: str, best: Candidate, others: Sequence[Candidate]) -> list[str]:
-    """Note on other channels that may be a duty cycle, each with the reason against it."""
-    if name not in INPUTS or best.score >= STANDARD or not others:
-        return []
-    shown = listed(f"'{other.heading.text}' ({_against(best, other)})" for other in others)
-    return [f"{name}: '{best.heading.text}' is proposed; by name it may also be {shown}."]
-
-
-def _against(best: Candidate, other: Candidate) -> str:
-    if _in_another_unit(best, other):
-        return f"the same in {other.unit}"
-    if other.flag:
-        return other.flag
-    if other.heading.unit is None and best.heading.unit is not None:
-        return "without a unit"
-    return "a set point" if is_set_point(other.heading.text) else "its name says less"
-
-
-def _set_points(source: Source, name: str) -> list[str]:
-    """Channels that are what a controller asks of a quantity."""
-    return [
-        heading.text
-        for heading in source.headings
-        if is_set_point(heading.text) and name_score(name, heading.text) > 0.0 and is_unit_of(name, heading.unit)
-    ]
-
-
-def _unread(source: Source, name: str) -> str:
-    """Remark on a channel that is called like a quantity and holds no numbers; empty where none is."""
-    others = (other for raster in source.rasters for other in raster.others)
-    text, held = next((other for other in others if name_score(name, other[0]) > 0.0), ("", ""))
-    if not text:
-        return ""
-    write = "seconds, or times such as 2024-05-01T12:00:00.001 and 12:00:00.001" if name == "time" else "numbers"
-    return f"{name}: '{text}' holds {held}; write {write}."
-
-
-def _missing(name: str, named: Sequence[Candidate], set_points: Sequence[str], choice: str) -> str:
-    """Remark on a quantity without a channel, which only constant ones are called like, or set points.
-
-    `choice` is a text with the channels that it may be.
-    """
-    if not named and set_points and name not in INPUTS:
-        return f"{name}: only a set point matches by name, '{set_points[0]}'; add the measured channel to the map."
-    if not named:
-        if name == "time":
-            return "time: no channel name matches; add it to the map, or the rate of the samples in Hz as `rate`."
-        return f"{name}: no channel name matches; add it to the map ({choice})."
-    names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in named[:5])
-    return f"{name}: only constant channels match by name, {names}; add the right one to the map."
+def _missing(source: Source, name: str, named: Sequence[Candidate], channels: Mapping[str, Channel]) -> str:
+    """Remark on a quantity without a channel, which only constant ones, set points or texts are called like."""
+    if named:
+        names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in named[:5])
+        return f"{name}: only constant channels match by name, {names}; add the right one to the map."
+    for text, held in (other for raster in source.rasters for other in raster.others):
+        if name_score(name, text) > 0.0:
+            stamps = "seconds, or times such as 2024-05-01T12:00:00.001 and 12:00:00.001"
+            return f"{name}: '{text}' holds {held}; write {stamps if name == 'time' else 'numbers'}."
+    for heading in source.headings:
+        wanted = is_set_point(heading.text) and name_score(name, heading.text) > 0.0
+        if wanted and is_unit_of(name, heading.unit) and name not in INPUTS:
+            return f"{name}: only a set point matches by name, '{heading.text}'; add the measured channel to the map."
+    if name == "time":
+        return "time: no channel name matches; add it to the map, or the rate of the samples in Hz as `rate`."
+    return f"{name}: no channel name matches; add it to the map ({_choice(source, name, channels)})."
 
 
 def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
@@ -471,10 +380,3 @@ def _entry(source: Source, best: Candidate) -> Channel:
     same = sum(heading.text == best.heading.text for heading in source.headings)
     entry = Channel(best.heading.text, group=best.raster.name if same > 1 else None)
     return replace(entry, unit=best.unit) if best.heading.unit != best.unit else entry
-
-
-def _comment(best: Candidate) -> str:
-    unit, remark = best.heading.unit, best.heading.comment
-    shown_unit = " (no unit in the file)" if unit is None else "" if unit == "1" else f" {unit}"
-    constant = ", constant" if best.span.constant else ""
-    return f"{best.span.low:.6g} to {best.span.high:.6g}{shown_unit}{constant}" + (f"; {remark}" if remark else "")

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from clutchid.log.units import UNITS
-from clutchid.measurements.columns import QUANTITIES, Heading
+from clutchid.measurements.clock import usual_interval
+from clutchid.measurements.columns import QUANTITIES
 from clutchid.measurements.source import Source
-from clutchid.measurements.time_axis import usual_interval
 
 #: Number of samples that determine the range of a channel; a constant one is read on for as many blocks.
 _SAMPLED = 1 << 16
@@ -43,33 +43,20 @@ class Range(NamedTuple):
     switched: bool = False
 
 
-class Ranges:
-    """Range of every channel of a file, read when it is first asked for."""
-
-    def __init__(self, source: Source) -> None:
-        self._source = source
-        self._known: dict[tuple[int, int], Range] = {}
-
-    def __call__(self, raster: int, heading: Heading, *, further: bool = True) -> Range:
-        """Range of one channel of the time grid with the index `raster`; `further`: see whether it stays constant."""
-        key = (raster, heading.index)
-        if key not in self._known:
-            self._known[key] = self._read(raster, heading.index, _BLOCKS if further else 1)
-        return self._known[key]
-
-    def _read(self, raster: int, index: int, blocks: int) -> Range:
-        span = Range(math.nan, math.nan, math.inf, constant=False)
-        for table in islice(self._source.tables(raster, [index], _SAMPLED), blocks):
-            values = table.numbers.get(index, np.empty(0))
-            finite = values[np.isfinite(values)]
-            if finite.size:
-                low, high = np.fmin(span.low, finite.min()), np.fmax(span.high, finite.max())
-                switched = (span.switched or math.isnan(span.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
-                constant = bool(low == high and finite.size > 1)
-                span = Range(float(low), float(high), usual_interval(finite), constant, switched)
-            if span.low < span.high:
-                break
-        return span
+def range_of(source: Source, raster: int, index: int, *, further: bool = True) -> Range:
+    """Range of one channel of the time grid with the index `raster`; `further`: see whether it stays constant."""
+    span = Range(math.nan, math.nan, math.inf, constant=False)
+    for table in islice(source.tables(raster, [index], _SAMPLED), _BLOCKS if further else 1):
+        values = table.numbers.get(index, np.empty(0))
+        finite = values[np.isfinite(values)]
+        if finite.size:
+            low, high = np.fmin(span.low, finite.min()), np.fmax(span.high, finite.max())
+            switched = (span.switched or math.isnan(span.low)) and bool(np.isin(finite, (0.0, 1.0)).all())
+            constant = bool(low == high and finite.size > 1)
+            span = Range(float(low), float(high), usual_interval(finite), constant, switched)
+        if span.low < span.high:
+            break
+    return span
 
 
 def guessed_unit(name: str, span: Range) -> str | None:

@@ -8,7 +8,7 @@ from clutchid.inference.uncertainty.change_prior import assumed_change
 from clutchid.inference.uncertainty.conditions import condition_problems, conditions_of
 from clutchid.log import FloatArray, Log
 from clutchid.log.units import UNITS, known_units
-from clutchid.measurements.source import UNIT_KEY
+from clutchid.measurements import UNIT_KEY
 from clutchid.parameters import DEFAULTS
 from clutchid.preparation.inspection.columns import direction
 from clutchid.preparation.inspection.inspected import Check, Grade, InspectedRecording, spread_over

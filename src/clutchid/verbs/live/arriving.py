@@ -44,7 +44,7 @@ def arriving(
     DataError
         If the recording cannot be followed.
     """
-    from clutchid.measurements.checks import AMBIENT
+    from clutchid.measurements import AMBIENT
     from clutchid.measurements.live.bus import bus_blocks, from_bus
     from clutchid.measurements.live.feed import from_descriptor
     from clutchid.measurements.live.text import text_blocks

@@ -18,14 +18,13 @@ import numpy as np
 
 from clutchid.errors import DataError
 from clutchid.log import FloatArray
-from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of
+from clutchid.measurements.clock import LONE, Run, Tolerance, cuts, sentences, shifts_of, usual_interval
 from clutchid.measurements.formats.can import streams as frame_streams
 from clutchid.measurements.formats.can.dbc import Message, read_dbc
 from clutchid.measurements.formats.can.frames import Bytes, FrameLog, Frames, payloads
 from clutchid.measurements.formats.can.j1939 import group_number
 from clutchid.measurements.formats.kinds import format_of, function_named, head_of, kind_of
 from clutchid.measurements.source import Places, Rows, Source, Table, refused
-from clutchid.measurements.time_axis import usual_interval
 from clutchid.messages import listed
 
 #: Bytes of frames that are kept in memory between the passes over a log: about 15 million classic frames.
