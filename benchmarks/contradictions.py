@@ -99,8 +99,8 @@ def recordings(family: str, number: int, folder: Path) -> Iterator[tuple[str, Ob
     mark = f"h{number}0" if family == "h" else f"{family}{number}"
     content = calibrated(kind, seeds[0], folder / f"{mark}_supply.toml", conditions=True)
     sound = observer(content.actuator, calibration=content.calibration)
-    for name, (share, change) in CASES.items():
-        if name == "supply +5 %":
+    for name, (share, sensor, change) in CASES.items():
+        if name == "supply +5 %" or sensor != 1.0:
             continue
         worn = drive(
             kind.replace({"P_S": share * kind.P_S}), seconds=20.0, seed=seeds[1], wear=WEAR,

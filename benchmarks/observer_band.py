@@ -6,7 +6,7 @@ cold and warm, with nothing recorded beside it, with the supply pressure, and wi
 family and case: error over 5 to 8 mm, rms in % of the peak, median / worst; slope of the error over the position, in %
 of f + A_A P_0 at full stroke, mean and rms; share of the points from 0.5 to 20 mm in the band, and its width in % of
 the peak, with the supply considered and if it is as calibrated; trust good / with care / none, and of how many good
-ones less than 90 % of the points are in the band.
+ones less than 90 % of the points are in the band; seconds of the flag `supply_unlike`.
 """
 
 from __future__ import annotations
@@ -42,14 +42,23 @@ LACKING: dict[str, tuple[str, ...]] = {
     "Supply pressure and air temperature recorded": (),
 }
 
-#: Cases: factor on the supply pressure, and named changes of the truck.
-CASES: dict[str, tuple[float, tuple[str, ...]]] = {
-    "unchanged": (1.0, ()),
-    "supply -5 %": (0.95, ()),
-    "supply +5 %": (1.05, ()),
-    "valves -7 %": (1.0, ("valves",)),
-    "cold": (1.0, ("cold",)),
-    "warm": (1.0, ("warm",)),
+
+class Case(NamedTuple):
+    """Factors on the supply pressure and on what its sensor shows, and named changes of the truck."""
+
+    supply: float = 1.0
+    sensor: float = 1.0
+    change: tuple[str, ...] = ()
+
+
+CASES: dict[str, Case] = {
+    "unchanged": Case(),
+    "supply -5 %": Case(0.95),
+    "supply +5 %": Case(1.05),
+    "valves -7 %": Case(change=("valves",)),
+    "cold": Case(change=("cold",)),
+    "warm": Case(change=("warm",)),
+    **{f"sensor {percent:+d} %": Case(sensor=1.0 + percent / 100.0) for percent in (-7, -5, -2, 2, 5, 7)},
 }
 
 
@@ -63,26 +72,30 @@ class Row(NamedTuple):
     covered_as_calibrated: float
     width_as_calibrated: float
     trust: str
+    unlike: float
 
 
-def truck_and_observer(of: tuple[str, int], calibrations: Path) -> tuple[Vehicle, Observer, int]:
+def truck_and_observer(
+    of: tuple[str, int], calibrations: Path, sensor_std: float | None = None
+) -> tuple[Vehicle, Observer, int]:
     """A truck by family and number, the observer of its calibration, and the seed of its worn clutch."""
     family, number = of
     kind = truck(0, f"h:{number}") if family == "h" else truck(number, family)
     seeds = np.random.default_rng([number, 2]).integers(0, 2**31, 2).tolist()
     mark = f"h{number}0" if family == "h" else f"{family}{number}"
     content = calibrated(kind, seeds[0], calibrations / f"{mark}_supply.toml", conditions=True)
-    return kind, observer(content.actuator, calibration=content.calibration), seeds[1]
+    made = observer(content.actuator, calibration=content.calibration, supply_sensor_std=sensor_std)
+    return kind, made, seeds[1]
 
 
 def one_truck(
-    of: tuple[str, int], calibrations: Path, seconds: float, cases: Sequence[str]
+    of: tuple[str, int], calibrations: Path, seconds: float, cases: Sequence[str], sensor_std: float | None = None
 ) -> dict[tuple[str, str, str], Row]:
     """Every case on one truck, with each of `LACKING`."""
-    kind, joint, seed = truck_and_observer(of, calibrations)
+    kind, joint, seed = truck_and_observer(of, calibrations, sensor_std)
     family, rows = of[0], {}
     for case in cases:
-        share, change = CASES[case]
+        share, sensor, change = CASES[case]
         changed: Vehicle = kind.replace({"P_S": share * kind.P_S})
         worn = drive(
             changed, seconds=seconds, seed=seed, wear=WEAR, cycles=WEAR * STROKES_A_METRE,
@@ -90,7 +103,8 @@ def one_truck(
         )  # fmt: skip
         truth = worn.truth.load(GRID)
         for recorded, lacking in LACKING.items():
-            run = observe_recording(joint, worn.log.without(*lacking))
+            shown = worn.log.with_columns(pressure_supply=sensor * worn.log["pressure_supply"])
+            run = observe_recording(joint, shown.without(*lacking))
             force = joint.load(run.after).force(GRID)
             off, by_position = force - truth, GRID / joint.actuator.parameters.y_max * by_supply(joint.actuator, force)
             slope = 100 * float(by_position @ off) / float(by_position @ by_position)
@@ -105,7 +119,9 @@ def one_truck(
                 )
             ]
             error = 100 * float(np.sqrt(np.mean(off[touch] ** 2))) / peak
-            rows[family, case, recorded] = Row(error, slope, *bands, observed_verdict(indicators(run)).trust)
+            rows[family, case, recorded] = Row(
+                error, slope, *bands, observed_verdict(indicators(run)).trust, run.health["supply_unlike"]
+            )
     return rows
 
 
@@ -118,7 +134,7 @@ def line(rows: Sequence[Row]) -> str:
     return (
         f"{np.median(errors):.2f} / {errors.max():.2f} | {slopes.mean():+.1f}, {np.sqrt(np.mean(slopes**2)):.1f} | "
         f"{covered.mean():.0f} | {np.median(width):.1f} | {covered_as.mean():.0f} | {np.median(width_as):.1f} | "
-        f"{' / '.join(map(str, trusts))} | {beside}"
+        f"{' / '.join(map(str, trusts))} | {beside} | {np.mean([row.unlike for row in rows]):.1f}"
     )
 
 
@@ -129,6 +145,7 @@ def main() -> None:
     options.add_argument("--trucks", type=int, default=12, help="of each family")
     options.add_argument("--hybrids", type=int, default=18)
     options.add_argument("--seconds", type=float, default=SECONDS, help="of the worn clutch")
+    options.add_argument("--supply-sensor-std", type=float, help="as that of `clutchid observe`")
     options.add_argument("--case", action="append", choices=tuple(CASES), help="default: all")
     options.add_argument("--workers", type=int, default=1)
     chosen = options.parse_args()
@@ -136,16 +153,22 @@ def main() -> None:
     trucks = [(family, FIRST + i) for family in ("A", "B") for i in range(chosen.trucks)]
     trucks += [("h", HYBRIDS + i) for i in range(chosen.hybrids)]
     cases = chosen.case or list(CASES)
-    of_a_truck = partial(one_truck, calibrations=chosen.calibrations, seconds=chosen.seconds, cases=cases)
+    of_a_truck = partial(
+        one_truck,
+        calibrations=chosen.calibrations,
+        seconds=chosen.seconds,
+        cases=cases,
+        sensor_std=chosen.supply_sensor_std,
+    )
     rows_by_case: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     with ProcessPoolExecutor(chosen.workers, mp_context=get_context("spawn")) as pool:
         for rows in pool.map(of_a_truck, trucks):
             for key, row in rows.items():
                 rows_by_case[key].append(row)
     bands = "points in the band [%] | width [%] | as calibrated: points [%] | width [%]"
-    head = f"error [%] | slope [%] | {bands} | trust | good beside"
+    head = f"error [%] | slope [%] | {bands} | trust | good beside | unlike [s]"
     for recorded in LACKING:
-        print(f"\n{recorded}\n\n| family | case | trucks | {head} |\n|{'---|' * 11}")
+        print(f"\n{recorded}\n\n| family | case | trucks | {head} |\n|{'---|' * 12}")
         for family in ("A", "B", "h"):
             for case in cases:
                 rows = rows_by_case[family, case, recorded]

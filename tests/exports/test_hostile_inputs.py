@@ -56,6 +56,11 @@ def scaled(log, factor=1.0, add=0.0):
     return log.with_columns(pressure_supply=factor * log["pressure_supply"] + add)
 
 
+def far_supply(log):
+    late = np.arange(len(log)) >= 4000
+    return log.with_columns(pressure_supply=log["pressure_supply"] * np.where(late, 1.12, 1.0))
+
+
 def of_half(log, column, value):
     """A closed valve that is read as another value in half of the samples."""
     closed = (log[column] <= 0.0) & (np.random.default_rng(0).random(len(log)) < 0.5)
@@ -85,6 +90,7 @@ FAULTS = {
     "supply in bar": (lambda log: scaled(log, 1e-5), "supply_unlike", 2.0),
     "supply of 50 bar": (lambda log: scaled(log, 0.0, 5e6), "supply_unlike", 2.0),
     "supply as gauge": (lambda log: scaled(log, 1.0, -101325.0), "supply_unlike", 2.0),
+    "supply off by 12 %": (far_supply, "supply_unlike", 3.0),
     "supply lost": (lambda log: spoiled(log, "pressure_supply", slice(2000, None), 0.0), "supply_unlike", 2.0),
     "a sample far outside": (lambda log: spoiled(log, "position", in_a_stroke(log), -3e34), "position_none", 0.5),
     "six of a hundred lost": (lambda log: picked(log, np.arange(len(log)) % 100 >= 6), "time_missing", 3.0),

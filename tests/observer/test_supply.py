@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
+from clutchid.errors import ParameterError
 from clutchid.estimation.assess.observed import indicators, observed_verdict
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import ACCURACY, RecordedConditions
+from clutchid.log import Log
 from clutchid.model import Actuator
 from clutchid.observer import observe, observer, start
-from clutchid.observer.health import LIVE_FLAGS
+from clutchid.observer.flags import LIVE_FLAGS, SUPPLY_LOST, SUPPLY_UNLIKE
+from clutchid.observer.inputs import taken_in
 from clutchid.observer.live import after_block, live_run, with_check_sentences
 from clutchid.observer.prior import load_deviation, supply_of
 from clutchid.observer.run import observe_recording, unused_conditions
@@ -138,6 +141,74 @@ def test_a_recorded_supply_that_cannot_be_right_is_not_called_missing(plant, usu
         indicated = indicators(run)
         assert (indicated.supply, run.assumes_supply) == ("not used", True)
         assert not any("record it" in reason for reason in observed_verdict(indicated).reasons)
+
+
+def taken(joint, deviations):
+    """Samples at rest with closed valves, whose supply pressure deviates by a share, and the intake after them."""
+    time = 1e-3 * np.arange(len(deviations))
+    still = dict.fromkeys(("position", "duty_supply", "duty_exhaust"), np.zeros(time.size))
+    log = Log(time, {**still, "pressure_supply": joint.supply.recorded * (1.0 + np.asarray(deviations))})
+    samples, after = taken_in(joint, start(joint).inputs, np.nan, log)
+    return samples, after.intake
+
+
+def flagged(samples, flag):
+    return np.flatnonzero(samples["flags"] & flag)
+
+
+def test_a_supply_that_is_lower_and_sags_in_strokes_is_used_and_gauge_for_absolute_is_not(plant, usual_supply):
+    joint, t = observer(plant, calibration=usual_supply), 1e-3 * np.arange(20_000)
+    sags = -0.05 - 0.08 * (t % 2.0 > 1.7)
+    assert flagged(taken(joint, sags)[0], SUPPLY_UNLIKE).size == 0
+    assert flagged(taken(joint, -0.11 + 0.02 * np.sin(t))[0], SUPPLY_UNLIKE).size == t.size
+
+
+def test_a_supply_sensor_that_breaks_is_flagged_at_once_what_it_taught_is_forgotten_and_it_heals(plant, usual_supply):
+    joint, at = observer(plant, calibration=usual_supply), np.arange(12_000)
+    samples, after = taken(joint, np.where((at >= 2000) & (at < 5000), -0.55, 0.01))
+    unlike = flagged(samples, SUPPLY_UNLIKE)
+    assert 2000 <= unlike[0] <= 2010
+    assert 5000 < unlike[-1] < 8000
+    assert np.flatnonzero(samples["forgets"]).tolist() == [unlike[0]]
+    assert after.supply_recorded == 1
+
+
+def test_a_supply_that_is_gone_for_ten_seconds_is_lost_until_it_is_back(plant, usual_supply):
+    joint, at = observer(plant, calibration=usual_supply), np.arange(20_000)
+    samples, after = taken(joint, np.where((at >= 2000) & (at < 15_000), np.nan, 0.0))
+    assert flagged(samples, SUPPLY_LOST).tolist() == list(range(12_000, 15_000))
+    assert after.supply_recorded == 1
+    assert flagged(taken(joint, np.full(20_000, np.nan))[0], SUPPLY_LOST).size == 0, "it was never there"
+
+
+def test_a_load_from_a_supply_that_is_lost_or_wrong_is_not_good(plant, usual_supply, lower):
+    joint = observer(plant, calibration=usual_supply)
+    late = np.arange(len(lower)) >= 3000
+    far = lower.with_columns(pressure_supply=lower["pressure_supply"] * np.where(late, 1.4, 1.0))
+    wrong = observe_recording(joint, far)
+    at = int(np.argmax(wrong.samples.flagged(SUPPLY_UNLIKE)))
+    assert 3000 <= at < 4000
+    before, after = (observe(joint, start(joint), far.slice(0, n))[0] for n in (at, at + 1))
+    assert np.any(before.theta != start(joint).theta)
+    np.testing.assert_array_equal(after.theta, start(joint).theta)
+    assert (wrong.supply, wrong.assumes_supply) == ("not used", True)
+    hole = np.where(late, lower.time + 20.0, lower.time)
+    torn = Log(hole, {**lower.columns, "pressure_supply": np.where(late, np.nan, lower["pressure_supply"])}, "torn")
+    lost = observe_recording(joint, torn)
+    assert lost.supply == "lost"
+    assert lost.health["supply_lost"] > 2.0
+    assert any("the supply pressure was lost" in reason for reason in observed_verdict(indicators(lost)).reasons)
+
+
+def test_a_supply_sensor_may_be_less_exact(plant, usual_supply, lower):
+    narrow, wide = (observer(plant, calibration=usual_supply, supply_sensor_std=std) for std in (None, 0.03))
+    (_, samples), (after, others) = (observe(of, start(of), lower) for of in (narrow, wide))
+    np.testing.assert_array_equal(samples.states, others.states)
+    for as_calibrated in (False, True):
+        bands = [of.load_deviation(after, STROKE, as_calibrated=as_calibrated) for of in (narrow, wide)]
+        assert np.all(bands[1] > 1.2 * bands[0])
+    with pytest.raises(ParameterError, match=r"supply_sensor_std = 2: .* from 0 to 0\.5; some 0\.007 is the default"):
+        observer(plant, supply_sensor_std=2.0)
 
 
 def test_a_live_recording_says_it_too(plant, usual_supply, lower):

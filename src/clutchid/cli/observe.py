@@ -65,6 +65,9 @@ class ObserveOptions:
     supply_std
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
         default 0.03. It widens the bands of load and pressure.
+    supply_sensor_std
+        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of 0.5 %
+        of 10 bar each, 0.02 to 0.03 for a signal of the bus. It widens the bands of the load.
     publish
         Results of a live recording while it goes on, as JSON lines on standard output.
     force
@@ -84,6 +87,7 @@ class ObserveOptions:
     files: FileOptions = USUAL_FILES
     zero: Annotated[Literal["subtract", "keep"], SEARCH] = "subtract"
     supply_std: Annotated[float | None, SEARCH] = None
+    supply_sensor_std: Annotated[float | None, SEARCH] = None
     publish: Annotated[Literal["-"] | None, Parameter(allow_leading_hyphen=True), OUTPUT] = None
     force: ForceFlag = False
     json: OutputFlag = False
@@ -130,7 +134,7 @@ def observe(
     outputs.check(log, options.start, options.resume, options.files)
     content = calibration_file(options.start)
     reading = options.files.reading([log], force=options.force, zero=options.zero)
-    request = ObserveRequest(options.method, options.resume, options.supply_std)
+    request = ObserveRequest(options.method, options.resume, options.supply_std, options.supply_sensor_std)
     if not is_live(log):
         run = observed(reading, content, request)
         outputs.write(run, content)

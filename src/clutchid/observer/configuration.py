@@ -173,6 +173,7 @@ def observer(
     calibration: Calibration | None = None,
     zero: Zero = "subtract",
     supply_std: float = SUPPLY_STD,
+    supply_sensor_std: float | None = None,
 ) -> Observer:
     """An observer of a calibrated actuator.
 
@@ -191,19 +192,24 @@ def observer(
     supply_std
         Standard deviation of a supply pressure that is not recorded, as a share of that of the calibration, from 0 to
         0.5.
+    supply_sensor_std
+        Standard deviation of a recorded supply pressure from that of the calibration by the errors of both sensors, as
+        a share of it, from 0 to 0.5; by default that of 0.5 % of 10 bar each.
 
     Raises
     ------
     ParameterError
-        If the standard deviation is another one, there is no such method, or it does not take the actuator.
+        If a standard deviation is another one, there is no such method, or it does not take the actuator.
     """
     adapting = method_for(method, actuator).adapting(actuator)
-    if not 0.0 <= supply_std <= 0.5:
-        raise ParameterError(
-            f"supply_std = {supply_std:g}: the standard deviation of the supply pressure is a share of it from 0 to "
-            f"0.5; {SUPPLY_STD:g} is the default."
-        )
-    supply = supply_of(actuator, calibration)
+    defaults = {"supply_std": (supply_std, f"{SUPPLY_STD:g}"), "supply_sensor_std": (supply_sensor_std, "some 0.007")}
+    for name, (std, default) in defaults.items():
+        if std is not None and not 0.0 <= std <= 0.5:
+            raise ParameterError(
+                f"{name} = {std:g}: the standard deviation of the supply pressure is a share of it from 0 to 0.5; "
+                f"{default} is the default."
+            )
+    supply = supply_of(actuator, calibration, supply_sensor_std)
     measure = ("position",) if supply is None else ("position", "pressure_supply")
     prior = online_prior(actuator, adapting)
     settings = JointSettings(every=max(1, round(EVERY * 1e-3 / spacing)), spacing=spacing)

@@ -145,6 +145,8 @@ def observe_strokes(
         sample = taken[at[a]]
         if sample["begins"]:
             state = _ended(observer, state)
+        if sample["forgets"]:
+            state = _forgotten(observer, state)
         state = _counted(observer, state, float(sample["zero"]))._replace(temperature=float(sample["air"]))
         if sample["driven"]:
             state = _piece(at_air(observer, state.temperature), state, samples, (a, b), at, observed)
@@ -167,8 +169,8 @@ def _tail(observer: Observer, time: FloatArray, taken: Records) -> Tail:
 
 
 def _cuts(state: ObserverState, taken: Records) -> list[int]:
-    """Samples where a stretch, another zero or another temperature begins, or a stroke has ended; and their number."""
-    begins = taken["begins"] == 1
+    """Samples where a stretch, another zero, temperature or load begins, or a stroke has ended; and their number."""
+    begins = (taken["begins"] == 1) | (taken["forgets"] == 1)
     for name, before in (("zero", state.zero), ("air", state.temperature)):
         begins |= np.append(before, taken[name][:-1])[: taken.size] != taken[name]
     begins[1:] |= taken["ends"][:-1] == 1
@@ -211,11 +213,14 @@ def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverS
     """
     if zero == state.zero:
         return state
-    ended = _ended(observer, state)._replace(zero=zero)
-    if abs(zero - state.zero) <= WRONG:
-        return ended
+    wrong = abs(zero - state.zero) > WRONG
+    return (_forgotten if wrong else _ended)(observer, state)._replace(zero=zero)
+
+
+def _forgotten(observer: Observer, state: ObserverState) -> ObserverState:
+    """The state after a stretch that taught something wrong: the parameters are those of the calibration."""
     sound = start(observer).sound
-    return ended._replace(**sound._asdict(), sound=sound)
+    return _ended(observer, state)._replace(**sound._asdict(), sound=sound)
 
 
 def _nothing(observer: Observer, time: FloatArray, taken: Records) -> Observed:

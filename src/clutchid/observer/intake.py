@@ -68,9 +68,11 @@ class Intake:
         Duty cycles as they are held.
     jumped, unzeroed
         1 after the position has jumped and stayed, and until a vented rest has shown its zero since.
-    supply, supply_unlike, supply_recorded
-        Mean deviation of the recorded supply pressure from that of the calibration, NaN before the first; 1 where that
-        is too large, and after a pressure that counts.
+    supply, supply_of_few, supply_unlike
+        Mean deviation of the recorded supply pressure from that of the calibration, NaN before the first, and that of
+        the last few samples; 1 where they are too large.
+    supply_recorded, supply_known, supplied : 1, 1, us
+        1 after a supply pressure that counts, until it is lost or unlike; 1 after the first; and time since the last.
     air, aired : K, us
         Temperature of the air in use, 0 before one, and time since one last counted.
     air_refused, air_count
@@ -90,8 +92,11 @@ class Intake:
     jumped: int
     unzeroed: int
     supply: float
+    supply_of_few: float
     supply_unlike: int
     supply_recorded: int
+    supply_known: int
+    supplied: Count
     air: float
     aired: Count
     air_refused: int
@@ -123,9 +128,9 @@ class Sample:
         How far the vented rest had moved before it, and what is subtracted from the position.
     air, air_known
         Temperature of the air in use in K, 0 before one, and 1 where it is not lost.
-    recorded, driven, begins, ends
+    recorded, driven, begins, ends, forgets
         1 where both duty cycles are recorded, where they are known or held, where it does not go on from the last one,
-        and where a stroke ends.
+        where a stroke ends, and where what a wrong supply pressure taught is forgotten.
     """
 
     flags: Count
@@ -146,3 +151,4 @@ class Sample:
     driven: int
     begins: int
     ends: int
+    forgets: int

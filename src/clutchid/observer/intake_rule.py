@@ -65,12 +65,31 @@ def judge_supply(intake: Intake, recorded: float, pressure: float, closed: bool)
     wrong = pressure < rule.LEAST_SUPPLY or pressure > rule.MOST_SUPPLY
     if closed and not wrong and not math.isnan(pressure):
         share = pressure / recorded - 1.0
-        intake.supply = share if math.isnan(intake.supply) else intake.supply + rule.OF_SUPPLY * (share - intake.supply)
-        if abs(intake.supply) > rule.UNLIKE_SUPPLY:
+        first = math.isnan(intake.supply)
+        intake.supply = share if first else intake.supply + rule.OF_SUPPLY * (share - intake.supply)
+        intake.supply_of_few = share if first else intake.supply_of_few + rule.OF_FEW * (share - intake.supply_of_few)
+        if abs(intake.supply) > rule.UNLIKE_SUPPLY or abs(intake.supply_of_few) > rule.FAR_SUPPLY:
             intake.supply_unlike = 1
         elif abs(intake.supply) < rule.LIKE_SUPPLY:
             intake.supply_unlike = 0
     return bool(wrong or (intake.supply_unlike == 1 and not math.isnan(pressure)))
+
+
+@kernel
+def take_supply(intake: Intake, sample: Sample, limits: IntakeLimits, raw: Input, since: Count) -> None:
+    """Use a supply pressure that can be right; what another one taught is forgotten, and it is lost some time later."""
+    closed = raw.duty_supply <= 0.0 and raw.duty_exhaust <= 0.0
+    intake.supplied = later(intake.supplied, since)
+    if judge_supply(intake, limits.supply, raw.supply_pressure, closed):
+        sample.flags |= bits.SUPPLY_UNLIKE
+        if intake.supply_unlike == 1 and intake.supply_recorded == 1:
+            sample.forgets, intake.supply_recorded = 1, 0
+    elif math.isfinite(raw.supply_pressure):
+        sample.supply_pressure = raw.supply_pressure
+        intake.supply_recorded, intake.supply_known, intake.supplied = 1, 1, 0
+    if intake.supply_known == 1 and intake.supplied > rule.SUPPLY_LOST_AFTER:
+        intake.supply_recorded = 0
+        sample.flags |= bits.SUPPLY_LOST
 
 
 @kernel
@@ -180,6 +199,7 @@ def take_in(
     judge_air(intake, limits, temperature, dt)
     since = later(intake.pending, dt) if intake.sampled == 1 else 0
     sample.since, sample.rest, sample.ends = since, rest.shift, 0
+    sample.forgets = 0
     sample.air, sample.air_known = intake.air, 1 if intake.air > 0.0 and intake.aired <= LOST else 0
     intake.pending = since
     sample.flags, sample.verdict = bits.REPEATED_TIME, rule.VALUE
@@ -191,11 +211,8 @@ def take_in(
         sample.duty_supply = clamped_duty(raw.duty_supply)
         sample.duty_exhaust = clamped_duty(raw.duty_exhaust)
         sample.supply_pressure = math.nan
-        closed = raw.duty_supply <= 0.0 and raw.duty_exhaust <= 0.0
-        if limits.supply > 0.0 and judge_supply(intake, limits.supply, raw.supply_pressure, closed):
-            sample.flags |= bits.SUPPLY_UNLIKE
-        elif limits.supply > 0.0 and math.isfinite(raw.supply_pressure):
-            sample.supply_pressure, intake.supply_recorded = raw.supply_pressure, 1
+        if limits.supply > 0.0:
+            take_supply(intake, sample, limits, raw, since)
         sample.lost = missing_before(limits, since)
         sample.unknown = unknown_before(intake, limits, since)
         intake.undriven = later(intake.undriven, since)

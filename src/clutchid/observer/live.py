@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import get_args
 
 import numpy as np
 
@@ -120,7 +119,7 @@ def after_block(run: LiveRun, block: Log, left_out: Mapping[str, int]) -> tuple[
         latest=float(block.time[-1]) if len(block) else run.latest,
         usable=run.usable or usable(block),
         clock=(*run.clock, *block.warnings)[-SENTENCES:],
-        supply=min(run.supply, part.supply, key=get_args(SupplyUse).index),
+        supply=run.supply if part.supply == "not recorded" else part.supply,
     )
     return (with_check_sentences(after) if last - after.begin >= CHECKED else after), part
 

@@ -124,14 +124,17 @@ def air_of(actuator: Actuator, calibration: Calibration | None) -> Air | None:
     return Air(conditions.temperature, powers)
 
 
-def supply_of(actuator: Actuator, calibration: Calibration | None) -> RecordedSupply | None:
-    """Ratio of the supply pressure to a recorded one by the calibration; None if it has none."""
+def supply_of(actuator: Actuator, calibration: Calibration | None, share: float | None = None) -> RecordedSupply | None:
+    """Ratio of the supply pressure to a recorded one by the calibration; None if it has none.
+
+    `share` is its standard deviation, None for that of two sensors of a brake system.
+    """
     conditions = calibration.conditions if calibration else NOT_RECORDED
     if conditions.supply is None or conditions.supply_estimated is None or "p_S" not in actuator.states:
         return None
     return RecordedSupply(
         conditions.supply_estimated / conditions.supply,
-        sqrt(2.0) * ACCURACY["P_S"] / conditions.supply,
+        sqrt(2.0) * ACCURACY["P_S"] / conditions.supply if share is None else share,
         conditions.supply,
     )
 

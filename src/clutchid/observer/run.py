@@ -33,8 +33,8 @@ _INTERVALS, DIGITS = 100, 3
 #: Part by which the time from one sample to the next may differ between the parts of a recording.
 _SAME_PACE = 0.1
 
-#: Use of the supply pressure of a recording, the best first: "not used" where all of it cannot be right, too.
-SupplyUse = Literal["measured", "not used", "not recorded"]
+#: Use of the supply pressure at the end of a recording: "not used" where it cannot be right, too.
+SupplyUse = Literal["measured", "lost", "not used", "not recorded"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -256,15 +256,18 @@ def follow_block(observer: Observer, before: ObserverState, log: Log) -> Observe
     values = _values(log, samples)
     fault_seconds = health(observer, values, samples)
     seconds = duration(observer, log.time)
-    supply = _supply_use(observer, log, values)
+    supply = _supply_use(after, log)
     return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds, supply)
 
 
-def _supply_use(observer: Observer, log: Log, values: Log) -> SupplyUse:
-    """Use of the supply pressure of a part of a recording, as it is and without what is no value."""
-    if not recorded(log, "pressure_supply"):
-        return "not recorded"
-    return "not used" if observer.supply is None or not recorded(values, "pressure_supply") else "measured"
+def _supply_use(after: ObserverState, log: Log) -> SupplyUse:
+    """Use of the supply pressure after a part of a recording."""
+    intake = after.inputs.intake
+    if intake.supply_recorded:
+        return "measured"
+    if intake.supply_known and not intake.supply_unlike:
+        return "lost"
+    return "not used" if intake.supply_known or recorded(log, "pressure_supply") else "not recorded"
 
 
 def _values(log: Log, samples: Observed) -> Log:

@@ -104,6 +104,11 @@ LEAST_SUPPLY, MOST_SUPPLY = 3e5, 16e5
 
 #: A supply pressure whose mean is further from that of the calibration recordings, as a share of it, has another unit,
 #: is gauge for absolute, or its sensor is broken, until it is nearer than the second: governors keep it within 5 %, and
-#: 5 % may change; a gauge pressure is 9 to 13 % lower. Weight of a sample in that mean. Provenance:
+#: 5 % may change; a gauge pressure is 9 to 13 % lower. Weight of a sample in that mean, so that no stroke decides, and
+#: in the mean of a few samples, which a sensor that breaks takes beyond the last. Provenance:
 #: docs/derivations_online.md.
-UNLIKE_SUPPLY, LIKE_SUPPLY, OF_SUPPLY = 0.08, 0.05, 1.0 / 16.0
+UNLIKE_SUPPLY, LIKE_SUPPLY, OF_SUPPLY, OF_FEW, FAR_SUPPLY = 0.08, 0.06, 1.0 / 1024.0, 1.0 / 16.0, 0.2
+
+#: Time in us without a supply pressure that counts after which it is not known any more: a governor takes it from one
+#: end of its range to the other in some seconds with strokes, and in minutes without.
+SUPPLY_LOST_AFTER = 10_000_000

@@ -41,6 +41,7 @@ def observe(
     channels: ChannelMap | str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
     supply_std: float | None = None,
+    supply_sensor_std: float | None = None,
 ) -> ObservedRecording:
     """Follow the load and the pressure of a recording from position and duty cycles alone, sample by sample.
 
@@ -63,6 +64,9 @@ def observe(
     supply_std : 1, optional
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it,
         from 0 to 0.5; by default 0.03. It widens the bands of load and pressure.
+    supply_sensor_std : 1, optional
+        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of 0.5 %
+        of 10 bar each. It widens the bands of the load.
 
     Returns
     -------
@@ -87,16 +91,17 @@ def observe(
     '4.3 kN, 5.2 bar'
     """
     reading = reading_of(log, ambient=ambient, channels=channels, dbc=dbc, force=force, zero=zero)
-    asked = ObserveRequest(method, None if resume is None else Path(resume), supply_std)
+    asked = ObserveRequest(method, None if resume is None else Path(resume), supply_std, supply_sensor_std)
     return observed(reading, calibration_file(start), asked)
 
 
 class ObserveRequest(NamedTuple):
-    """Request of an observation: the method, the state to go on from, and `supply_std`, as of `observe`."""
+    """Request of an observation: the method, the state to go on from, and spreads of the supply, as of `observe`."""
 
     method: str = "joint"
     resume: Path | None = None
     supply_std: float | None = None
+    supply_sensor_std: float | None = None
 
 
 #: The request where none is made.
@@ -137,9 +142,9 @@ def observer_of(
     from clutchid.observer.run import check_pace, spacing
     from clutchid.observer.state_file import read_state, saved_spacing
 
-    method, resume, supply_std = request
+    method, resume, supply_std, of_sensor = request
     every = spacing(log) if resume is None else saved_spacing(resume)
     share = SUPPLY_STD if supply_std is None else supply_std
-    observing = observer(content.actuator, method, every, content.calibration, zero, supply_std=share)
+    observing = observer(content.actuator, method, every, content.calibration, zero, share, of_sensor)
     check_pace(observing, log)
     return observing, start(observing) if resume is None else read_state(observing, resume)
