@@ -66,8 +66,8 @@ class ObserveOptions:
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
         default 0.03. It widens the bands of load and pressure.
     supply_sensor_std
-        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of 0.5 %
-        of 10 bar each, 0.02 to 0.03 for a signal of the bus. It widens the bands of the load.
+        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of
+        0.5 % of 10 bar each, 0.02 to 0.03 for a signal of the bus. It widens the bands of the load.
     publish
         Results of a live recording while it goes on, as JSON lines on standard output.
     force

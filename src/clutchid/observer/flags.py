@@ -30,7 +30,9 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "air_refused": "the recorded temperature of the air cannot be right: the one before stays in use",
     "air_lost": "no temperature of the air has counted for a minute: the band is that of an unknown one",
     "travel_unlike": "the piston travels further than in the calibration: the gain of its position may be too large",
-    "supply_lost": "no supply pressure has counted for 10 s: the load is that of one that is not recorded",
+    "moves_closed": "the piston moves out with closed valves: its sensor creeps or the supply valve leaks, so that the "
+    "pressure is not to be trusted",
+    "supply_lost": "no supply pressure has counted for 10 s: the load is the one without a recorded supply",
 })  # fmt: skip
 
 #: Meanings of the further flags of a live recording.
@@ -44,10 +46,10 @@ LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
 #: Bits of the flags that show before a filter takes the sample, by their place in `FLAGS`.
 (POSITION_MISSING, POSITION_BEYOND_STOPS, DUTY_MISSING, TIME_MISSING, REST_MOVED, SUPPLY_UNLIKE, POSITION_NONE,
  POSITION_JUMPS, ZERO_UNKNOWN, REPEATED_SAMPLES, REPEATED_TIME, AIR_REFUSED, AIR_LOST, TRAVEL_UNLIKE,
- SUPPLY_LOST) = (
+ MOVES_CLOSED, SUPPLY_LOST) = (
     1 << [*FLAGS].index(name) for name in (
         "position_missing", "position_beyond_stops", "duty_missing", "time_missing", "rest_moved", "supply_unlike",
         "position_none", "position_jumps", "zero_unknown", "repeated_samples", "repeated", "air_refused", "air_lost",
-        "travel_unlike", "supply_lost",
+        "travel_unlike", "moves_closed", "supply_lost",
     )
 )  # fmt: skip

@@ -11,6 +11,11 @@ CLOCK = 16_000_000
 #: docs/derivations_online.md.
 BRIDGED = 20_000
 
+#: With closed valves a piston is held, or falls as air leaks or cools; from this time in us on its mean position over
+#: the second one rises by no more than the third in m above the lowest mean since, for the last one at most:
+#: `python benchmarks/creeping.py --closed`.
+SETTLED, CLOSED_BIN, RISES, CLOSED_SPAN = 1_000_000, 500_000, 1e-4, 60_000_000
+
 #: A hole of more us is long enough for the exchange of a sensor.
 EXCHANGED = 60_000_000
 
@@ -66,6 +71,12 @@ class Intake:
         last one with both duty cycles.
     duty_supply, duty_exhaust : 1
         Duty cycles as they are held.
+    closed, bin : us
+        Time for which both valves are closed, and of the present mean.
+    mean, lowest : m
+        Sum of its positions, `count` of them, and the lowest mean so far.
+    rises
+        1 where a mean has risen.
     jumped, unzeroed
         1 after the position has jumped and stayed, and until a vented rest has shown its zero since.
     supply, supply_of_few, supply_unlike
@@ -89,6 +100,12 @@ class Intake:
     undriven: Count
     duty_supply: float
     duty_exhaust: float
+    closed: Count
+    bin: Count
+    mean: float
+    count: Count
+    lowest: float
+    rises: int
     jumped: int
     unzeroed: int
     supply: float

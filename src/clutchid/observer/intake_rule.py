@@ -13,11 +13,25 @@ from clutchid.inference.uncertainty.conditions import AIR_ACCURACY, COLDEST, HOT
 from clutchid.log import FloatArray
 from clutchid.measurements import DUTY_ROUNDING
 from clutchid.observer import flags as bits
-from clutchid.observer.intake import BRIDGED, CLOCK, EXCHANGED, OUTSIDE_STOPS, Input, Intake, IntakeLimits, Sample
+from clutchid.observer.intake import (
+    BRIDGED,
+    CLOCK,
+    CLOSED_BIN,
+    CLOSED_SPAN,
+    EXCHANGED,
+    OUTSIDE_STOPS,
+    RISES,
+    SETTLED,
+    Input,
+    Intake,
+    IntakeLimits,
+    Sample,
+)
 from clutchid.observer.rest import Rest, RestBefore
 from clutchid.observer.rest_rule import new_stretch, watch_rest
 from clutchid.strokes import rule
 from clutchid.strokes.plausible import count_anew, judge_next
+from clutchid.strokes.rest_level import CLOSED
 from clutchid.strokes.rule import ValueLimits, Watch
 from clutchid.strokes.stroke import LONGEST_US, RESOLUTION, Stroke
 from clutchid.strokes.stroke_rule import count_stroke, later
@@ -150,6 +164,26 @@ def hold_duties(intake: Intake, sample: Sample, ends: bool) -> None:
 
 
 @kernel
+def watch_closed(intake: Intake, sample: Sample, since: Count) -> None:
+    """Whether the piston moves out while both valves are closed, which no air moves it."""
+    closed = sample.begins == 0 and sample.duty_supply <= CLOSED and sample.duty_exhaust <= CLOSED
+    if not closed or intake.closed > CLOSED_SPAN:
+        intake.closed, intake.bin, intake.count, intake.rises = 0, 0, 0, 0
+        intake.mean, intake.lowest = 0.0, math.inf
+    if closed:
+        intake.closed = later(intake.closed, since)
+        if intake.closed >= SETTLED and math.isfinite(sample.position):
+            intake.bin = later(intake.bin, since)
+            intake.mean += sample.position
+            intake.count = later(intake.count, 1)
+        if intake.bin >= CLOSED_BIN:
+            mean = intake.mean / float(intake.count)
+            intake.lowest = min(intake.lowest, mean)
+            intake.rises = 1 if mean > intake.lowest + RISES else 0
+            intake.mean, intake.count, intake.bin = 0.0, 0, 0
+
+
+@kernel
 def missing_before(limits: IntakeLimits, since: Count) -> Count:
     """Samples that are missing in a hole of `since` us, 0 without one."""
     if since <= limits.hole:
@@ -182,6 +216,8 @@ def faults_of(sample: Sample, intake: Intake, limits: IntakeLimits) -> Count:
         flags |= bits.REST_MOVED
     if intake.unzeroed == 1:
         flags |= bits.ZERO_UNKNOWN
+    if intake.rises == 1:
+        flags |= bits.MOVES_CLOSED
     if intake.air_refused == 1:
         flags |= bits.AIR_REFUSED
     if intake.air > 0.0 and intake.aired > LOST:
@@ -224,6 +260,7 @@ def take_in(
         intake.sampled = 1
         sample.zero = rest.shift if before.subtracted == 1 else 0.0
         sample.position = math.nan if intake.unzeroed == 1 else sample.measured - sample.zero
+        watch_closed(intake, sample, since)
         sample.flags = faults_of(sample, intake, limits)
         sample.ends = 1 if count_stroke(stroke, sample.position, since) else 0
         follows, supply, exhaust = sample.driven == 1 and before.exists == 1, sample.duty_supply, sample.duty_exhaust

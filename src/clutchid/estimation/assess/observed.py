@@ -67,6 +67,7 @@ FLAGGED: Mapping[str, Limit] = {
     "supply_unlike": Limit(0.05),
     "repeated": Limit(0.2, 0.8),
     "travel_unlike": Limit(0.0),
+    "moves_closed": Limit(0.0),
 }
 
 
