@@ -10,7 +10,7 @@ from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
-from clutchid.observer.health import health
+from clutchid.observer.health import health, raised
 from clutchid.observer.mismatch import MEMORY, MISMATCHED, mismatches, normalised
 from clutchid.observer.prior import AIR_STD, deviation_by_air
 from clutchid.observer.run import usual_nis
@@ -164,7 +164,7 @@ def test_a_filter_that_diverges_loses_a_sample_and_goes_back_to_the_stroke_befor
     state, samples = observe(joint, start(joint), log)
     lost = np.flatnonzero(~np.isfinite(samples.states[:, 0]))
     assert lost.tolist() == [at]
-    assert health(joint, log, samples)["diverged"] == pytest.approx(1e-3)
+    assert health(joint, raised(joint, log, samples), samples)["diverged"] == pytest.approx(1e-3)
     assert np.isfinite(state.T).all()
     assert not np.array_equal(state.theta, plain.theta)
     # the parameters right behind it are those at the end of the last stroke

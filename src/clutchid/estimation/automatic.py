@@ -19,13 +19,7 @@ from clutchid.preparation.inspection.inspected import InspectedRecording
 from clutchid.preparation.prepare import FROM_POSITION_ALONE
 from clutchid.preparation.pulses import centred, find_carrier
 from clutchid.strokes.duty_cycle import duty_grid, duty_period, grid_phase, on_off
-from clutchid.strokes.vented_pressure import (
-    SIGNIFICANT,
-    VentedPressure,
-    lowest_pressure,
-    vented_pressure,
-    vented_prior,
-)
+from clutchid.strokes.vented_pressure import SIGNIFICANT, VentedPressure, lowest_pressure, vented_pressure, vented_prior
 
 #: The default model of a calibration, and the one in its place where the valves have a carrier.
 AUTOMATIC, WITH_CARRIER = "energy-balance-stribeck-proportional", "energy-balance-stribeck"

@@ -24,11 +24,21 @@ from clutchid.inference.uncertainty import conditions
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
 from clutchid.numerics.interval import QUANTILE
-from clutchid.observer import by_stroke, contradiction, intake, intake_rule, mismatch, rest, rest_rule
+from clutchid.observer import (
+    by_stroke,
+    contradiction,
+    faults_rule,
+    flags,
+    intake,
+    intake_rule,
+    mismatch,
+    rest,
+    rest_rule,
+)
 from clutchid.observer.configuration import LEAK_FOUND, Observer
 from clutchid.observer.following import BEYOND_STOPS, HELD_BACK
 from clutchid.observer.inputs import SHORT, no_inputs, rules, window_size
-from clutchid.observer.state import FROZEN, ObserverState
+from clutchid.observer.state import FROZEN, NO_FAULTS, ObserverState
 from clutchid.simulation import plan
 from clutchid.strokes import excitation, plausible, rest_shift_rule, rule, stroke, stroke_rule
 
@@ -36,8 +46,8 @@ Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
 
 #: Modules whose kernels are printed, in the order of their calls; records of the state of an observer, and of its data.
-_KERNELS = (plausible, stroke_rule, rest_shift_rule, rest_rule, intake_rule, contradiction)
-_STATES = (rule.Watch, stroke.Stroke, rest.Rest, intake.Intake, intake.Sample)
+_KERNELS = (plausible, stroke_rule, rest_shift_rule, rest_rule, intake_rule, contradiction, faults_rule)
+_STATES = (rule.Watch, stroke.Stroke, rest.Rest, intake.Intake, intake.Sample, flags.Faults)
 _DATA = (intake.IntakeLimits, rule.ValueLimits, rest.RestBefore)
 
 #: Modules whose constants the templates take, by name.
@@ -148,11 +158,13 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "quantile": QUANTILE,
         "leak_found": LEAK_FOUND,
         "frozen": FROZEN,
-        "rules": kernel_c99(_KERNELS, ("take_in", "excess_after"), names),
+        "rules": kernel_c99(_KERNELS, ("take_in", "excess_after", "gain_of", "fade", "recent"), names),
         "states_of_rules": "\n".join(record_c99(record, names) for record in _STATES),
         "records_of_rules": "\n".join(record_c99(record, names) for record in _DATA),
         "no_intake": values_c99(fresh.intake, names),
         "no_watch": values_c99(fresh.watch, names),
+        "no_faults": values_c99(NO_FAULTS, names),
+        "fades": flags.FADES,
         "intake_limits": values_c99(expected.limits, names),
         "value_limits": values_c99(expected.bounds, names),
         "rest": values_c99(expected.before, names),

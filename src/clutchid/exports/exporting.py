@@ -16,15 +16,7 @@ from clutchid.exports.fmu import FMUS, Fmu, missing_parts, model_fmu, observer_f
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import CHECKER, DEVIATIONS
-from clutchid.exports.parity import (
-    Parity,
-    begins_us,
-    parity,
-    replay,
-    replay_source,
-    samples_of,
-    trial_drive,
-)
+from clutchid.exports.parity import Parity, begins_us, parity, replay, replay_source, samples_of, trial_drive
 from clutchid.exports.requirements import requirement_files
 from clutchid.exports.target import example_files, vectors
 from clutchid.files import make_folder, not_an_address, write_bytes

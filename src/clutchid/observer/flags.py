@@ -1,9 +1,12 @@
-"""Flags of an observer: faults of the signals, and what it does about them."""
+"""Flags of an observer: faults of the signals, what it does about them, and those of late."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Annotated
+
+from clutchid.log import FloatArray
 
 #: Meanings of the flags.
 FLAGS: Mapping[str, str] = MappingProxyType({
@@ -43,6 +46,9 @@ LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
     "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
 })  # fmt: skip
 
+#: Flags of a correction, which are of all samples since the last one.
+BY_CORRECTION = ("outlier", "unlike_calibration")
+
 #: Bits of the flags that show before a filter takes the sample, by their place in `FLAGS`.
 (POSITION_MISSING, POSITION_BEYOND_STOPS, DUTY_MISSING, TIME_MISSING, REST_MOVED, SUPPLY_UNLIKE, POSITION_NONE,
  POSITION_JUMPS, ZERO_UNKNOWN, REPEATED_SAMPLES, REPEATED_TIME, AIR_REFUSED, AIR_LOST, TRAVEL_UNLIKE,
@@ -53,3 +59,23 @@ LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
         "travel_unlike", "moves_closed", "supply_lost",
     )
 )  # fmt: skip
+
+#: Time in s over which the share of the time of a flag fades (1/e), before that it is of all time; and strokes that
+#: must have ended without a flag that counts however short it was. Guesses: a fault of 5 s is over 2 s after it where
+#: 20 % of the time count, 30 s after it where 5 % do.
+FADES, HEALED = 20.0, 2.0
+
+#: A smaller share is 0.
+FORGOTTEN = 1e-6
+
+#: Number of flags.
+N_FLAGS = len(FLAGS)
+
+
+class Faults:
+    """1 if a share is not 0; number of samples, share of the last time with each flag, and strokes since."""
+
+    active: int
+    samples: float
+    share: Annotated[FloatArray, N_FLAGS]
+    strokes: Annotated[FloatArray, N_FLAGS]

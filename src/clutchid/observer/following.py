@@ -14,13 +14,7 @@ from clutchid.arguments import checked
 from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.records import Records
 from clutchid.errors import DataError
-from clutchid.inference.filter.joint_filter import (
-    Diverged,
-    JointInputs,
-    JointPass,
-    follow,
-    init,
-)
+from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
 from clutchid.inference.filter.setup import FilterState, intervals
 from clutchid.inference.uncertainty.conditions import LOST
 from clutchid.log import INPUTS, BoolArray, FloatArray, IntArray, Log, any_of
@@ -86,8 +80,8 @@ class Observed(NamedTuple):
     flags, verdicts : (n,)
         Flags that show before the filter takes a sample, see `clutchid.observer.flags`, and the verdict on its
         position, see `clutchid.strokes.rule`.
-    lost : (n,)
-        Number of samples that are missing in a hole before it.
+    lost, ends : (n,)
+        Number of samples that are missing in a hole before it, and 1 where a stroke ends.
     """
 
     time: FloatArray
@@ -103,6 +97,7 @@ class Observed(NamedTuple):
     flags: IntArray
     verdicts: Verdicts
     lost: IntArray
+    ends: IntArray
 
     def flagged(self, flag: int) -> BoolArray:
         """Whether each sample has a flag, by its bit."""
@@ -231,6 +226,7 @@ def _nothing(observer: Observer, time: FloatArray, taken: Records) -> Observed:
     return Observed(
         time, states, states.copy(), innovations, used, np.full(n, np.nan), leaking, contradicted, partial,
         taken["rest"].copy(), taken["flags"].copy(), taken["verdict"].astype(np.uint8), taken["lost"].copy(),
+        taken["ends"].copy(),
     )  # fmt: skip
 
 

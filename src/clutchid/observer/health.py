@@ -6,16 +6,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, Log
+from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import record_copy
+from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, IntArray, Log
 from clutchid.observer import flags
 from clutchid.observer.configuration import Observer
-from clutchid.observer.flags import FLAGS, LIVE_FLAGS
+from clutchid.observer.flags import BY_CORRECTION, FADES, FLAGS, LIVE_FLAGS, Faults
 from clutchid.observer.following import Observed
 from clutchid.observer.mismatch import MISMATCHED
 
 
-def health(observer: Observer, log: Log, samples: Observed) -> dict[str, float]:
-    """Seconds of each of `FLAGS` in a recording with these results."""
+def raised(observer: Observer, log: Log, samples: Observed) -> IntArray:
+    """All flags of each sample of a recording with these results, (n,), by their bits."""
     single = ~samples.flagged(flags.REPEATED_TIME)
     recorded, followed = np.isfinite(log["position"]), np.isfinite(samples.states[:, 0])
     driven: BoolArray = np.all([np.isfinite(log[name]) for name in INPUTS], axis=0)
@@ -27,17 +29,32 @@ def health(observer: Observer, log: Log, samples: Observed) -> dict[str, float]:
         "leak": samples.leaking,
         "contradiction": samples.contradicted,
         "not_learning": samples.partial,
-    }
-    by_correction = {
         "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,
         "unlike_calibration": samples.mismatch > MISMATCHED,
     }
-    counts = {name: int(np.count_nonzero(samples.flagged(1 << bit))) for bit, name in enumerate(FLAGS)}
-    counts["time_missing"] = int(np.sum(samples.lost))
-    counts |= {name: int(np.count_nonzero(mask & single)) for name, mask in by_sample.items()}
-    for name, mask in by_correction.items():
-        counts[name] = observer.joint.settings.every * int(np.count_nonzero(mask))
-    return {name: observer.spacing * count for name, count in counts.items()}
+    bits = {name: 1 << bit for bit, name in enumerate(FLAGS)}
+    by_filter = [np.where(mask & single, bits[name], 0) for name, mask in by_sample.items()]
+    flagged: IntArray = np.bitwise_or.reduce([samples.flags, *by_filter])
+    return flagged
+
+
+def weights(observer: Observer) -> FloatArray:
+    """Samples that a sample with each flag stands for: those of corrections for all since the last one."""
+    return np.array([observer.joint.settings.every if name in BY_CORRECTION else 1.0 for name in FLAGS])
+
+
+def health(observer: Observer, flagged: IntArray, samples: Observed) -> dict[str, float]:
+    """Seconds of each of `FLAGS` in a recording, by the flags of its samples."""
+    counts = np.array([np.count_nonzero(flagged & 1 << bit) for bit in range(len(FLAGS))]) * weights(observer)
+    seconds = dict(zip(FLAGS, (observer.spacing * counts).tolist(), strict=True))
+    return seconds | {"time_missing": observer.spacing * int(np.sum(samples.lost))}
+
+
+def faults_after(before: Faults, observer: Observer, flagged: IntArray, ends: IntArray) -> Faults:
+    """The faults of late after samples with these flags, and with a stroke that ends at some."""
+    after, gain = record_copy(before), observer.spacing / FADES
+    kernels_in("clutchid.observer.faults_rule").fade_all(after, flagged, ends, gain, weights(observer))
+    return after
 
 
 def live_health(observer: Observer, earlier: FloatArray, log: Log, left_out: Mapping[str, int]) -> dict[str, float]:

@@ -17,14 +17,7 @@ from clutchid.inference.filter.joint_filter import Considered
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import drift
 from clutchid.inference.uncertainty.conditions import ACCURACY, NOT_RECORDED, by_supply
-from clutchid.inference.uncertainty.coordinates import (
-    CURVATURE,
-    Coordinate,
-    Prior,
-    coordinates,
-    far_stop,
-    smoothness,
-)
+from clutchid.inference.uncertainty.coordinates import CURVATURE, Coordinate, Prior, coordinates, far_stop, smoothness
 from clutchid.log import FloatArray
 from clutchid.log.states import SENSOR_PARAMETERS
 from clutchid.model.actuator import Actuator

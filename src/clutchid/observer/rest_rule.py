@@ -6,18 +6,7 @@ import math
 
 from clutchid.codegen.kernels import kernel
 from clutchid.log import FloatArray
-from clutchid.observer.rest import (
-    AGREEING,
-    APART,
-    BELOW,
-    EARLIER,
-    HOLD,
-    LOW,
-    REMEMBERED,
-    STOPPED,
-    Rest,
-    RestBefore,
-)
+from clutchid.observer.rest import AGREEING, APART, BELOW, EARLIER, HOLD, LOW, REMEMBERED, STOPPED, Rest, RestBefore
 from clutchid.strokes.rest_level import CLOSED
 from clutchid.strokes.rest_shift import CLEARLY, NOTHING, RETURNS
 from clutchid.strokes.rest_shift_rule import compared_rests, half_interval, held_above, moved_apart

@@ -20,7 +20,7 @@ from clutchid.observer.by_stroke import StrokeRow, curve, curve_positions, estim
 from clutchid.observer.configuration import Observer, observer, start
 from clutchid.observer.flags import SUPPLY_UNLIKE
 from clutchid.observer.following import Observed, observe, subtracted
-from clutchid.observer.health import health
+from clutchid.observer.health import faults_after, health, raised
 from clutchid.observer.mismatch import normalised
 from clutchid.observer.state import ObserverState
 from clutchid.preparation.pulses import Duties, duties_in
@@ -254,7 +254,9 @@ def follow_block(observer: Observer, before: ObserverState, log: Log) -> Observe
     """
     after, samples, rows = follow_strokes(observer, before, log)
     values = _values(log, samples)
-    fault_seconds = health(observer, values, samples)
+    flagged = raised(observer, values, samples)
+    after = after._replace(faults=faults_after(before.faults, observer, flagged, samples.ends))
+    fault_seconds = health(observer, flagged, samples)
     seconds = duration(observer, log.time)
     supply = _supply_use(after, log)
     return ObservedRecording(observer, values, before, after, samples, tuple(rows), fault_seconds, seconds, supply)

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.codegen.records import record_copy
+from clutchid.codegen.records import new_record, record_copy
 from clutchid.inference.filter.setup import FilterState
 from clutchid.log import BoolArray, FloatArray, IntArray, all_of
 from clutchid.model.actuator import Actuator
+from clutchid.observer.flags import HEALED, Faults
 from clutchid.observer.intake import Intake
 from clutchid.observer.rest import Rest
 from clutchid.simulation.inputs import with_carrier
@@ -123,6 +124,10 @@ class Sound(NamedTuple):
     wear: IntArray
 
 
+#: Before the first sample.
+NO_FAULTS = new_record(Faults, strokes=HEALED)
+
+
 class ObserverState(NamedTuple):
     """State of an observer between two samples.
 
@@ -135,8 +140,8 @@ class ObserverState(NamedTuple):
     NIS over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke;
     `zero` is what is subtracted from the position in m; `latest` is the time in s of the last sample; `excess` is the
     sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the
-    inputs, NaN if they have not; `temperature` is that of the air in K that the model is at, 0 where none is known, and
-    `air_known` says whether it is not lost; `inputs` are what is known of the samples.
+    inputs, NaN if they have not; `faults` are those of late; `temperature` is that of the air in K that the model is
+    at, 0 where none is known, and `air_known` says whether it is not lost; `inputs` are what is known of the samples.
     """
 
     filter: FilterState | None
@@ -157,6 +162,7 @@ class ObserverState(NamedTuple):
     latest: float = float("nan")
     excess: float = 0.0
     contradicted: float = float("nan")
+    faults: Faults = NO_FAULTS
     temperature: float = 0.0
     air_known: bool = False
 

@@ -203,6 +203,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "filter": _numbers(state.filter),
         "tail": (tail.time, tail.duties, tail.open_std),
         "rest": (rest.returned, *windows),
+        "faults": (state.faults.share, state.faults.strokes),
     }
     yield from (f"{name} has a value that is not finite" for name, entries in finite.items()
                 if not all(np.isfinite(values).all() for values in entries))  # fmt: skip

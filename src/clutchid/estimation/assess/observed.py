@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.estimation.assess.evidence import Reason
 from clutchid.estimation.assess.pressure import PressureTest, pressure_reason, pressure_test
@@ -16,7 +17,7 @@ from clutchid.estimation.assess.verdict import Trust, Verdict
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.observer.by_stroke import curve
 from clutchid.observer.configuration import Observer
-from clutchid.observer.flags import FLAGS
+from clutchid.observer.flags import FADES, FLAGS, Faults
 from clutchid.observer.live import LiveRun
 from clutchid.observer.mismatch import MISMATCHED
 from clutchid.observer.run import ObservedRecording, SupplyUse
@@ -49,9 +50,9 @@ HALF_WIDTH = Limit(WIDE, 0.33)
 #: of the truck it was at most 1.84 in a minute (benchmarks/results/observer.md).
 MISMATCH = Limit(1.2, MISMATCHED)
 
-#: Share of the time of each flag. A frozen position is not among them: a quiet sensor at rest is frozen too, and its
-#: samples are left out. A leak, a divergence and a travel count however short. Guesses: gaps of 0.1 did not raise the
-#: error (`benchmarks/observer_trust.py`).
+#: Share of the last time of each flag, see `clutchid.observer.flags`. A frozen position is not among them: a quiet
+#: sensor at rest is frozen too, and its samples are left out. A leak, a divergence and a travel count however short,
+#: until two strokes have ended without. Guesses: gaps of 0.1 did not raise the error (`benchmarks/observer_trust.py`).
 FLAGGED: Mapping[str, Limit] = {
     "position_missing": Limit(0.2, 0.8),
     "position_beyond_stops": Limit(0.05, 0.5),
@@ -87,8 +88,8 @@ class Indicators(NamedTuple):
     """Indicators of an observed load, without its truth.
 
     Whether the load `adapts`, how many `strokes` have ended, the half width of its band from 5 to 8 mm as a share of
-    its peak, the NIS ratio (NaN: not known), the share of the time of each flag, the use of the `supply` pressure, how
-    far in m a vented rest has moved that is not subtracted from the position, what is known of the `zero` after a
+    its peak, the NIS ratio (NaN: not known), the share of the last time of each flag, the use of the `supply` pressure,
+    how far in m a vented rest has moved that is not subtracted from the position, what is known of the `zero` after a
     position has jumped and stayed, the reason where the calibration is `unvented`, and of a recording that has ended
     the test of its measured `pressure` and its change of `travel`.
     """
@@ -134,13 +135,19 @@ def indicators(run: ObservedRecording | LiveRun) -> Indicators:
         run.after.strokes,
         half / peak if peak > 0.0 else np.inf,
         run.after.mismatch if run.observer.compares else np.nan,
-        {name: seconds / run.seconds for name, seconds in run.health.items()},
+        _recent(run.after.faults),
         run.supply,
         run.after.rest_shift if run.observer.zero == "keep" else 0.0,
         _zero(run),
         tuple(unvented_baseline(run.observer.calibration)),
         *((_pressure(run), _travel(run)) if isinstance(run, ObservedRecording) else (None, None)),
     )
+
+
+def _recent(faults: Faults) -> dict[str, float]:
+    """Share of each flag of late, as its limit counts it."""
+    share = kernels_in("clutchid.observer.faults_rule").recent
+    return {name: share(faults, flag, FLAGGED[name].care) for flag, name in enumerate(FLAGS) if name in FLAGGED}
 
 
 def _pressure(run: ObservedRecording) -> PressureTest | None:
@@ -212,7 +219,8 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
     for name, limit in FLAGGED.items():
         share = indicators.flagged.get(name, 0.0)
         if share > limit.care and not (suspect and name == "travel_unlike"):
-            yield Reason(f"{FLAGS[name]} ({float(f'{100 * share:.2g}'):g} % of the time).", share > limit.none)
+            time = f"{float(f'{100 * share:.2g}'):g} % of the last {FADES:g} s"
+            yield Reason(f"{FLAGS[name]} ({time}).", share > limit.none)
     if indicators.supply != "measured":
         advice = "; record it" if indicators.supply == "not recorded" else ""
         yield Reason(

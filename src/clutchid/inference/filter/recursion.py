@@ -34,13 +34,7 @@ import numpy as np
 
 from clutchid.codegen.kernels import inlined, kernel
 from clutchid.codegen.linked import by_address
-from clutchid.inference.filter.joint_parameters import (
-    first_deviations,
-    move_parameters,
-    refresh,
-    steps_at,
-    value_in_si,
-)
+from clutchid.inference.filter.joint_parameters import first_deviations, move_parameters, refresh, steps_at, value_in_si
 from clutchid.inference.filter.setup import (
     ADAPTS,
     LAG,
