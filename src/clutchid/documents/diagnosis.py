@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from clutchid.strokes.residual_colour import Colour
+    from clutchid.numerics.whiteness import Colour
 
 #: Name, display unit in SI, and its symbol, for the residual of a column.
 _SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}

@@ -17,7 +17,7 @@ from clutchid.estimation.result import InputFault
 from clutchid.inference.uncertainty.calibration import Origin
 
 if TYPE_CHECKING:
-    from clutchid.strokes.residual_colour import CrossCorrelation
+    from clutchid.numerics.whiteness import CrossCorrelation
 
 _UNCOMPARED: dict[str, Any] = {"calibrated_load_curve": None, "load_change": None}
 

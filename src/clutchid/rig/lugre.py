@@ -16,9 +16,9 @@ from clutchid.inference.uncertainty.gaussian import Covariance, sandwich
 from clutchid.log import BoolArray, FloatArray, Log, sample_interval
 from clutchid.names import check_names
 from clutchid.numerics.least_squares import Linearisation, Solution, compress, minimise
+from clutchid.numerics.whiteness import effective_samples
 from clutchid.parameters import Parameters
 from clutchid.rig.free_run import NAMES, VELOCITY_WINDOW, FreeRunSegment, free_run, segments
-from clutchid.strokes.residual_colour import effective_samples
 from clutchid.strokes.sampled import velocity
 
 #: Parameters that a fit estimates or keeps fixed: the friction, and the zero of the load cell.

@@ -6,7 +6,7 @@ import pytest
 from clutchid.errors import DataError
 from clutchid.estimation.assess.diagnostics import diagnose, fit_percent, remarks
 from clutchid.log import Log
-from clutchid.strokes.residual_colour import LAGS, block_means, colour, effective_samples
+from clutchid.numerics.whiteness import LAGS, block_means, colour, effective_samples
 
 TWO_WAYS = np.array([1.0, -1.0] * 200)
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.log.states import MEASURED
+from clutchid.numerics.whiteness import FEWEST_VALUES, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.strokes.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
-from clutchid.strokes.residual_colour import FEWEST_VALUES, LAGS, Colour, block_means, colour, effective_samples
 from clutchid.strokes.sampled import velocity
 
 #: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.

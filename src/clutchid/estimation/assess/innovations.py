@@ -10,9 +10,9 @@ import numpy as np
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.result import Fit
 from clutchid.log import INPUTS, FloatArray
+from clutchid.numerics.whiteness import Colour, colour
 from clutchid.observer.configuration import observer
 from clutchid.observer.run import ObservedRecording, observe_recording, spacing
-from clutchid.strokes.residual_colour import Colour, colour
 
 #: Length in s over which the NIS is averaged for a curve.
 SPAN = 1.0

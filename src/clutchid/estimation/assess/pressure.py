@@ -12,7 +12,7 @@ from clutchid.estimation.result import Fit, Recording
 from clutchid.inference.uncertainty.conditions import ACCURACY
 from clutchid.log import FloatArray, sample_interval
 from clutchid.numerics.interval import QUANTILE
-from clutchid.strokes.residual_colour import block_means
+from clutchid.numerics.whiteness import block_means
 from clutchid.strokes.vented_pressure import OFFSET_PRIOR, SIGNIFICANT
 
 #: Time in s over which the difference is averaged, longer than the noise of a sensor is correlated.
