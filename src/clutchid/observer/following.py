@@ -134,10 +134,10 @@ def observe_strokes(
     _check(state, block)
     taken, inputs = taken_in(observer, state.inputs, state.latest, block)
     observed, at = _nothing(observer, block.time, taken), np.flatnonzero(taken["flags"] != flags.REPEATED_TIME)
-    samples = _tail(observer, block.time[at], taken[at])
-    at_ends = list[ObserverState]()
-    for a, b in pairwise(_cuts(state, taken[at])):
-        sample = taken[at[a]]
+    single = taken if at.size == taken.size else taken[at]
+    samples, at_ends = _tail(observer, block.time[at], single), list[ObserverState]()
+    for a, b in pairwise(_cuts(state, single)):
+        sample, rows = single[a], _rows(at[a:b])
         if sample["begins"]:
             state = _ended(observer, state)
         if sample["forgets"]:
@@ -145,15 +145,20 @@ def observe_strokes(
         state = _counted(observer, state, float(sample["zero"]))._replace(temperature=float(sample["air"]))
         if sample["driven"]:
             state = _piece(at_air(observer, state.temperature), state, samples, (a, b), at, observed)
-        observed.leaking[at[a:b]] = state.leaking
-        state = _judged(observer, state, observed, at[a:b])
-        if taken["ends"][at[b - 1]]:
+        observed.leaking[rows] = state.leaking
+        state = _judged(observer, state, observed, rows)
+        if single["ends"][b - 1]:
             state = _stroke_ended(observer, state)
-            air_known = bool(taken["air_known"][at[b - 1]])
+            air_known = bool(single["air_known"][b - 1])
             at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1]), air_known=air_known))
     intake, latest = inputs.intake, float(block.time[-1]) if len(block) else state.latest
     air_known = bool(intake.air > 0.0 and intake.aired <= LOST)
     return state._replace(inputs=inputs, latest=latest, air_known=air_known), observed, at_ends
+
+
+def _rows(at: IntArray) -> IntArray | slice:
+    """Places of samples, as a slice where none is left out, which is faster."""
+    return slice(at[0], at[-1] + 1) if at[-1] - at[0] == at.size - 1 else at
 
 
 def _tail(observer: Observer, time: FloatArray, taken: Records) -> Tail:
@@ -186,7 +191,7 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     )  # fmt: skip
 
 
-def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: IntArray) -> ObserverState:
+def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: IntArray | slice) -> ObserverState:
     """The state with the mismatch after some samples; fills that of `observed`."""
     if not observer.compares:
         return state
@@ -253,11 +258,11 @@ def _piece(
             observing, state, Tail(*(x[a:end] for x in samples)), observer.joint.settings.least_speed
         )
         if passed is not None:
-            rows = at[a : a + len(passed.states)]
+            rows = _rows(at[a : a + len(passed.states)])
             observed.states[rows], observed.deviations[rows] = passed.states, passed.deviations
             observed.innovations[rows], observed.used[rows] = passed.errors[:, 0], usable
             observed.partial[rows] = partial
-        observed.contradicted[at[a : a + count]] = bool(held)
+        observed.contradicted[_rows(at[a : a + count])] = bool(held)
         a += count
         observed.contradicted[at[a - 1]] |= state.contradicted == samples.time[a - 1]
     return state
