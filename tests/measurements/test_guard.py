@@ -131,9 +131,7 @@ def test_a_file_that_takes_too_long_is_given_up(packed, monkeypatch):
     assert len(read(packed)) == 3000
 
 
-@needs_signals
 def test_a_file_that_takes_too_much_memory_is_given_up(packed, monkeypatch):
-    stopped()
     monkeypatch.setenv("CLUTCHID_READER_MEMORY", "1MB")
     with pytest.raises(DataError, match=r"run\.csv\.gz: needs more than 0\.001 GB"):
         read(packed)

@@ -68,7 +68,8 @@ def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
 
 MEMORY_VARIABLE, _SECONDS_VARIABLE = "CLUTCHID_READER_MEMORY", "CLUTCHID_READER_SECONDS"
 
-_MEMORY = 1_250_000_000
+#: Bytes by default, and those that the libraries may allocate before a file is open.
+_MEMORY, _BEGINS = 1_250_000_000, 500_000_000
 _SECONDS = 60.0
 
 #: Bytes of a file for which the reader has a further second, as a large sound file takes long.
@@ -131,7 +132,9 @@ class ReaderProcess:
         self.forgotten: deque[int] = deque()
         environment = {"OPENBLAS_NUM_THREADS": "1"}
         self.worker = Worker(
-            "clutchid.measurements.reader_service:reader_service", allocations=2 * memory(), environment=environment
+            "clutchid.measurements.reader_service:reader_service",
+            allocations=max(2 * memory(), _BEGINS),
+            environment=environment,
         )
 
     def ask(self, question: ServiceMessage, path: Path) -> ServiceMessage:
