@@ -259,6 +259,8 @@ def test_addresses_from_an_elf_file_are_those_of_the_program(exported: Exported,
         assert (process.returncode, process.stderr) == (0, "")
         text = filled.read_text()
         assert addresses(text) == truth
+        # three numbers, as ASAP2 1.6 and its readers want them, after an update too
+        assert re.findall(r"MATRIX_DIM (.*)", text) == re.findall(r"MATRIX_DIM (\d+ 1 1)", exported.text) != []
     listed = map(str.split, subprocess.check_output([path_of("nm"), str(program)], text=True).splitlines())
     symbols = {line[2]: int(line[0], 16) for line in listed if len(line) == 3}
     assert addresses(text)[f"{name}.load_position"] == symbols[f"{name}_breakpoints"]

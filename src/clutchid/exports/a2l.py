@@ -67,7 +67,7 @@ _UNITS = {
 
 
 def a2l(observer: Observer, style: CStyle, title: str) -> str:
-    """ASAP2 1.71 of an observer in C, in ASCII, with addresses of 0 and symbols that a tool finds in an ELF file.
+    """ASAP2 1.61 of an observer in C, in ASCII, with addresses of 0 and symbols that a tool finds in an ELF file.
 
     Measured are the variables ``NAME_observer``, ``NAME_output``, ``NAME_load_force``, ``NAME_load_low`` and
     ``NAME_load_high`` of the application. Calibrated are the means of the parameters and load weights that adapt, and
