@@ -1,11 +1,13 @@
 """``clutchid export``: files, parity, and one sentence for bad input."""
 
 import json
+import re
 
 import pytest
 
 from clutchid.exports.exporting import NO_POSITION_ONLY
 from clutchid.exports.frames import results_dbc
+from clutchid.exports.parity import Parity
 from clutchid.observer.health import FLAGS
 from fixtures.commands import called
 
@@ -18,16 +20,17 @@ def exported(folder, tmp_path, *options):
 
 @pytest.mark.needs("cc")
 def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp_path, capsys):
-    assert exported(folder, tmp_path, "--check", folder / "worn.parquet") == 0
+    assert exported(folder, tmp_path, "--check", folder / "worn.parquet", folder / "first.parquet") == 0
     said, errors = capsys.readouterr()
     assert " ".join(errors.split()) == f"warning: {NO_POSITION_ONLY}"
-    assert said.startswith("the C agrees with Python on worn, 6000 samples: load ")
+    assert re.match(r"the C agrees with Python on worn, first, 8\d{3} samples: load ", said)
     names = {path.relative_to(tmp_path / "observer").as_posix() for path in (tmp_path / "observer").rglob("*.*")}
     modules = {f"src/clutch{part}{suffix}" for part in ("", "_model", "_filter", "_data") for suffix in (".h", ".c")}
     assert modules | {"README.md", "PARITY.md", "test/replay.c"} <= names
     page = (tmp_path / "observer" / "PARITY.md").read_text()
-    assert "**the C agrees with Python**" in page
-    assert "Samples by flag are the same." in page
+    assert re.findall(r"^## (.*)$", page, re.MULTILINE) == ["worn", "first"]
+    assert page.count("**the C agrees with Python**") == 2
+    assert page.count("Samples by flag are the same.") == 2
     advice = (tmp_path / "observer" / "README.md").read_text().partition("## What to do at a flag")[2]
     assert all(f"`{flag}`" in advice for flag in FLAGS)
 
@@ -43,6 +46,21 @@ def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_s
     assert "src/own.c" in content["files"]
     assert content["parity"]["holds"] is True
     assert content["parity"]["load"] < 1e-6
+    assert content["parities"] == [content["parity"]]
+
+
+@pytest.mark.needs("cc")
+def test_a_recording_on_which_they_are_not_alike_is_named(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(Parity, "holds", lambda parity, _: parity.recording == "first")
+    assert exported(folder, tmp_path, "--json", "--check", folder / "first.parquet", folder / "worn.parquet") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["status"] == "warning"
+    assert content["message"].startswith("the C does not agree with Python on worn, 6000 samples: ")
+    assert [(entry["recording"], entry["holds"]) for entry in content["parities"]] == [("first", True), ("worn", False)]
+    assert content["parity"] == content["parities"][1]
+    page = (tmp_path / "observer" / "PARITY.md").read_text().partition("## worn")
+    assert "**the C agrees with Python**" in page[0]
+    assert "**the C does not agree with Python**" in page[2]
 
 
 def test_without_a_compiler_the_files_are_there_and_parity_was_not_run(folder, tmp_path, capsys, monkeypatch):

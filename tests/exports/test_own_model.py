@@ -25,7 +25,7 @@ def test_an_observer_with_own_friction_and_own_states_computes_in_c_what_it_does
 
     estimator, style = observer(Actuator(model=maxwell_slip, load=Load())), CStyle("own", real, "one")
     log = recorded_by(estimator.actuator, seconds=4.0)
-    export = write_export(estimator, begun(estimator, start(estimator)), tmp_path, style, "own model", check=log)
+    export = write_export(estimator, begun(estimator, start(estimator)), tmp_path, style, "own model", check=[log])
     sys.modules.pop("maxwell_slip", None)
     assert export.parity is not None
     assert export.parity.flags == {}

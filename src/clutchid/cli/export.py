@@ -6,6 +6,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from cyclopts import Parameter
+
 from clutchid.cli.common import (
     DONE,
     FILES,
@@ -38,7 +40,7 @@ def export(
     rates: Literal["one", "two"] = "one",
     name: str = "clutch",
     resume: Annotated[Path | None, FILES] = None,
-    check: Annotated[Path | None, FILES] = None,
+    check: Annotated[list[Path] | None, Parameter(consume_multiple=True), FILES] = None,
     model: Flag = False,
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
@@ -65,7 +67,7 @@ def export(
     resume
         State of an observer, as written by `clutchid observe --save`: the export goes on from what it has learnt.
     check
-        Recording on which C and Python are compared; by default a short simulated drive.
+        Recordings on which C and Python are compared; by default a short simulated drive.
     model
         Write the actuator with its load as an FMU too, for `--to fmu2` or `fmu3`.
     json
@@ -76,11 +78,11 @@ def export(
     from clutchid.verbs import exporting
     from clutchid.verbs.start import content_of
 
-    log = files.reading([check]).read(content_of(calibration).actuator)[0] if check else None
+    logs = files.reading(check).read(content_of(calibration).actuator) if check else ()
     slow = "fmu" in to and find_spec("ziglang")
     with progress_bar("export: the first FMU for Windows takes some minutes" if slow else "export"):
         export = exporting.export(
-            calibration, out, to=to, method=method, real=real, rates=rates, name=name, resume=resume, check=log,
+            calibration, out, to=to, method=method, real=real, rates=rates, name=name, resume=resume, check=logs,
             model=model,
         )  # fmt: skip
     _answer(export, json)
@@ -89,15 +91,19 @@ def export(
 
 def _answer(bundle: Export, json: bool) -> None:
     if json:
-        parity = bundle.parity
+        entries = [
+            {
+                "recording": parity.recording, "samples": parity.samples, "holds": parity.holds(bundle.style),
+                "theta": parity.theta, "load": parity.load, "pressure_a_rms_Pa": parity.pressure,
+            }
+            for parity in bundle.parities
+        ]  # fmt: skip
         print_json({
             "status": "ok" if bundle.holds else "warning",
             "message": bundle.message,
             "files": list(bundle.files),
-            "parity": None if parity is None else {
-                "recording": parity.recording, "samples": parity.samples, "holds": bundle.holds, "theta": parity.theta,
-                "load": parity.load, "pressure_a_rms_Pa": parity.pressure,
-            },
+            "parity": next(iter([entry for entry in entries if not entry["holds"]] or entries), None),
+            "parities": entries,
             "warnings": list(bundle.notes),
         })  # fmt: skip
         return

@@ -52,8 +52,8 @@ class Export:
         Where its files are.
     files
         Their paths in the folder.
-    parity
-        C against Python; None where it was not run.
+    parities
+        C against Python by recording; empty where it was not run.
     notes
         What was left out, one sentence each.
     style
@@ -62,26 +62,37 @@ class Export:
 
     folder: Path
     files: tuple[str, ...]
-    parity: Parity | None
+    parities: tuple[Parity, ...]
     notes: tuple[str, ...]
     style: CStyle
 
     @property
     def holds(self) -> bool:
-        """Whether C and Python were compared and are alike."""
-        return self.parity is not None and self.parity.holds(self.style)
+        """Whether C and Python were compared and are alike on each recording."""
+        return bool(self.parities) and not self._failed
+
+    @property
+    def parity(self) -> Parity | None:
+        """C against Python on the first recording where they are not alike, else the first; None where not run."""
+        return next(iter((*self._failed, *self.parities)), None)
 
     @property
     def message(self) -> str:
-        """The export in a sentence: whether C and Python are alike."""
-        parity = self.parity
-        if parity is None:
+        """The export in a sentence: whether C and Python are alike, or on which recordings not; largest differences."""
+        parities = self._failed or self.parities
+        if not parities:
             return f"exported {len(self.files)} files; parity was not run."
-        agrees = "agrees" if self.holds else "does not agree"
+        samples, load = sum(p.samples for p in parities), max(p.load for p in parities)
+        pressure, theta = max(p.pressure for p in parities), max(p.theta for p in parities)
         return (
-            f"the C {agrees} with Python on {parity.recording}, {parity.samples} samples: load {100 * parity.load:.2g} "
-            f"% of its peak, pressure {parity.pressure:.2g} Pa rms, theta {parity.theta:.2g} prior standard deviations."
+            f"the C {'agrees' if self.holds else 'does not agree'} with Python on "
+            f"{', '.join(p.recording for p in parities)}, {samples} samples: load {100 * load:.2g} % of its peak, "
+            f"pressure {pressure:.2g} Pa rms, theta {theta:.2g} prior standard deviations."
         )
+
+    @property
+    def _failed(self) -> tuple[Parity, ...]:
+        return tuple(parity for parity in self.parities if not parity.holds(self.style))
 
 
 def targets_of(text: str) -> tuple[Target, ...]:
@@ -107,7 +118,7 @@ def write_export(
     title: str,
     *,
     to: Sequence[Target] = ("c",),
-    check: Log | None = None,
+    check: Sequence[Log] = (),
     model: bool = False,
 ) -> Export:
     """Write an observer for a control unit into a folder, which is made; files of the same names are replaced.
@@ -119,7 +130,7 @@ def write_export(
     title
         What it was made from.
     check
-        Recording on which C and Python are compared; by default a short simulated drive.
+        Recordings on which C and Python are compared, the first in ``test/`` too; by default a short simulated drive.
     model
         Whether the actuator with its load is written as an FMU too.
 
@@ -128,7 +139,7 @@ def write_export(
     ParameterError
         If the method cannot be exported, or a `model` is wanted without 'fmu2' or 'fmu3'.
     DataError
-        If the recording of `check` has another rate.
+        If a recording of `check` has another rate.
     ExportError
         If a file cannot be written, or the C does not compile.
     """
@@ -136,19 +147,21 @@ def write_export(
     if model and not {"fmu2", "fmu3"} & set(to):
         raise ParameterError("--model is written as an FMU: add fmu2 or fmu3 to --to, for example --to c,fmu2.")
     modules = observer_c99(observer, state, style, title)
-    log = _at_rate(check, observer) if check is not None else trial_drive(observer)
-    log = log.without(*(name for name in ("temperature_ambient",) if name in log))  # the C is given it between samples
-    cc, samples, begins = compiler(), samples_of(log), begins_us(log)
-    in_c = replay(observer, modules, style, log, cc) if cc else None
-    compared = parity(observer, state, log, in_c) if in_c else None
-    notes: tuple[str, ...] = () if in_c else ("parity was not run: there is no C compiler (cc) on this machine.",)
+    logs = [_at_rate(log, observer) for log in check] or [trial_drive(observer)]
+    # the C is given the temperature of the air between samples
+    logs = [log.without(*(name for name in ("temperature_ambient",) if name in log)) for log in logs]
+    cc, begins = compiler(), begins_us(logs[0])
+    replays = [replay(observer, modules, style, log, cc) for log in logs] if cc else []
+    parities = tuple(parity(observer, state, log, in_c) for log, in_c in zip(logs, replays, strict=False))
+    notes: tuple[str, ...] = () if cc else ("parity was not run: there is no C compiler (cc) on this machine.",)
     if observer.calibration is None or observer.calibration.position_only is None:
         notes = (*notes, NO_POSITION_ONLY)
     files: dict[str, str | bytes] = {f"src/{file}": text for file, text in source_files(modules).items()}
     files |= example_files(style) | requirement_files(observer, style)
-    files |= {"test/replay.c": replay_source(observer, style, begins_us(log))}
-    if in_c is not None:
-        files["test/vectors.h"] = vectors(samples[:_VECTORS], in_c.outputs[:_VECTORS], style, begins)
+    files |= {"test/replay.c": replay_source(observer, style, begins)}
+    if replays:
+        samples, outputs = samples_of(logs[0])[:_VECTORS], replays[0].outputs[:_VECTORS]
+        files["test/vectors.h"] = vectors(samples, outputs, style, begins)
     fmus: dict[str, Fmu] = {}
     for version, suffix in FMUS.items():
         if f"fmu{version}" in to:
@@ -171,12 +184,12 @@ def write_export(
     _write(folder, files)
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
-        "parity": compared, "holds": compared is not None and compared.holds(style), "notes": notes,
+        "parities": parities, "notes": notes,
         "deviations": DEVIATIONS, "checker": CHECKER,
     }  # fmt: skip
     pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     _write(folder, pages)
-    return Export(folder, tuple(sorted({*files, *pages})), compared, notes, style)
+    return Export(folder, tuple(sorted({*files, *pages})), parities, notes, style)
 
 
 def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:

@@ -32,7 +32,7 @@ def export(
     rates: Rates = "one",
     name: str = "clutch",
     resume: str | PathLike[str] | None = None,
-    check: LogOrPath | None = None,
+    check: LogOrPath | Sequence[LogOrPath] = (),
     model: bool = False,
 ) -> Export:
     """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
@@ -55,8 +55,8 @@ def export(
         Before every name in C, a C identifier.
     resume
         File with the state of an observer, from which the export goes on.
-    check : Log or path, optional
-        Recording on which C and Python are compared; by default a short simulated drive.
+    check : Log or path, or several
+        Recordings on which C and Python are compared; by default a short simulated drive.
     model
         Whether the actuator with its load is written as an FMU too.
 
@@ -92,6 +92,6 @@ def export(
     spacing = 1e-3 if resume is None else saved_spacing(resume)
     observing = observer(content.actuator, method, spacing, content.calibration)
     state = begun(observing, start(observing) if resume is None else read_state(observing, resume))
-    log = None if check is None else reading_of(check).read(content.actuator)[0]
+    logs = reading_of(check or ()).read(content.actuator)
     title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
-    return write_export(observing, state, Path(out), style, title, to=targets, check=log, model=model)
+    return write_export(observing, state, Path(out), style, title, to=targets, check=logs, model=model)
