@@ -1,11 +1,13 @@
 """The exported observer in C: against the one in Python on calibrated trucks, and its costs on a Cortex-M4F.
 
-    python benchmarks/export.py [--trucks 24 | --numbers 3,5] [--families A,B] [--seconds 60]
+    python benchmarks/export.py [--trucks 24 | --numbers 3,5] [--families A,B] [--seconds 60] [--change warm]
+        [--seed 2] [--wear 2]
     python benchmarks/export.py --costs [--method joint] [--calibration CAL.toml --log WORN.csv]
 
 Each truck is calibrated on 30 s with pressure and the conditions; then a clutch worn by 2 mm is followed from position
 alone by Python and by the C: in double, in float, and in float with two rates, of which the slow task runs after every
-sample. Theta is in prior standard deviations, the load in % of its peak, the pressure in Pa rms.
+sample. Theta is in prior standard deviations, the load in % of its peak, the pressure in Pa rms and, rms too, as a
+share of its standard deviation. Beside them the C in double, given a position with noise of 10 nm.
 
 Costs are those in float of truck 0 of family A over 10 s of the worn clutch, or of a calibration and a recording:
 counted by an emulator (`arm-none-eabi-gcc`, `qemu-system-arm -icount`), in instructions, not cycles, not on hardware;
@@ -41,7 +43,7 @@ from clutchid.observer.configuration import Observer
 from clutchid.observer.inputs import window_size
 from clutchid.observer.methods import METHODS
 from clutchid.observer.rest import REMEMBERED
-from clutchid.truck import drive, truck
+from clutchid.truck import CHANGES, drive, truck
 
 STYLES = {
     "double": CStyle(real="double"),
@@ -73,26 +75,31 @@ samples_end:
 """
 
 
-def worn_truck(family: str, number: int, seconds: float) -> tuple[clutchid.ParameterFile, Log]:
+#: Standard deviation in m of noise on the position that the C in double is given, in a row of its own.
+NOISE, ROW = 1e-8, "double, 10 nm"
+
+
+def worn_truck(
+    family: str, number: int, seconds: float, change: Sequence[str] = (), seed: int = 2, wear: float = 2e-3
+) -> tuple[clutchid.ParameterFile, Log]:
     """A truck's calibration, and a recording of its worn clutch."""
     kind = truck(number, family)
     fit = clutchid.calibrate(drive(kind, seconds=30.0, seed=1, conditions=True).log)
-    log = drive(kind, seconds=seconds, seed=2, wear=2e-3, conditions=True, pressure=False).log.without(
-        "temperature_ambient"
-    )
-    return clutchid.parameter_file(fit), log
+    worn = drive(kind, seconds=seconds, seed=seed, wear=wear, conditions=True, pressure=False, change=change)
+    return clutchid.parameter_file(fit), worn.log.without("temperature_ambient")
 
 
-def compared(family: str, number: int, seconds: float) -> dict[str, tuple[float, float, float, bool]]:
-    """Theta, load, pressure, and whether all flags and strokes are alike, by style."""
-    content, log = worn_truck(family, number, seconds)
+def compared(content: clutchid.ParameterFile, log: Log) -> dict[str, tuple[float, float, float, float, bool]]:
+    """Theta, load, pressure, its share, and whether all flags and strokes are alike, by style."""
     followed = observer(content.actuator, "joint", calibration=content.calibration)
     state, rows = begun(followed, start(followed)), {}
-    for name, style in STYLES.items():
-        in_c = replay(followed, observer_c99(followed, state, style, "benchmark"), style, log, compiler())
+    noise = NOISE * np.random.default_rng(0).standard_normal(len(log))
+    noisy = log.with_columns(position=log.columns["position"] + noise)
+    for name, style, record in [*((*item, log) for item in STYLES.items()), (ROW, STYLES["double"], noisy)]:
+        in_c = replay(followed, observer_c99(followed, state, style, "benchmark"), style, record, compiler())
         got = parity(followed, state, log, in_c)
         alike = not got.flags and got.strokes[0] == got.strokes[1]
-        rows[name] = got.theta, 100.0 * got.load, got.pressure, alike
+        rows[name] = got.theta, 100.0 * got.load, got.pressure, got.pressure_share, alike
     return rows
 
 
@@ -267,6 +274,9 @@ def main() -> None:
     parser.add_argument("--numbers", default="", help="trucks by number, in place of the first ones")
     parser.add_argument("--families", default="A,B")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--change", action="append", default=[], choices=CHANGES, help="of the drive since calibrated")
+    parser.add_argument("--seed", type=int, default=2, help="of the drive")
+    parser.add_argument("--wear", type=float, default=2.0, help="of the clutch in mm")
     parser.add_argument("--costs", action="store_true", help="count instructions in place of comparing")
     parser.add_argument("--method", action="append", choices=tuple(METHODS), help="of the costs; default: joint")
     parser.add_argument("--calibration")
@@ -276,14 +286,17 @@ def main() -> None:
         print_costs(options.method or ["joint"], options.calibration, options.log)
         return
     numbers = [int(n) for n in options.numbers.split(",") if n] or range(options.trucks)
-    print("| family | C | theta median, worst | load % median, worst | p_A Pa rms median, worst | flags alike |")
-    print("|---|---|---|---|---|---|")
+    heads = ("theta", "load %", "p_A Pa rms", "share of its std")
+    print(f"| family | C | {' | '.join(f'{head} median, worst' for head in heads)} | flags alike |")
+    print("|---|---|---|---|---|---|---|")
+    changed = options.change, options.seed, 1e-3 * options.wear
     for family in options.families.split(","):
-        begin, rows = time.perf_counter(), [compared(family, n, options.seconds) for n in numbers]
-        for name in STYLES:
+        begin = time.perf_counter()
+        rows = [compared(*worn_truck(family, n, options.seconds, *changed)) for n in numbers]
+        for name in (*STYLES, ROW):
             values = np.array([row[name] for row in rows])
-            pairs = [f"{np.median(column):.2g}, {column.max():.2g}" for column in values[:, :3].T]
-            print(f"| {family} | {name} | {' | '.join(pairs)} | {int(values[:, 3].sum())} of {len(rows)} |", flush=True)
+            pairs = [f"{np.median(column):.2g}, {column.max():.2g}" for column in values[:, :4].T]
+            print(f"| {family} | {name} | {' | '.join(pairs)} | {int(values[:, 4].sum())} of {len(rows)} |", flush=True)
         print(f"{family}: {time.perf_counter() - begin:.0f} s", flush=True)
 
 

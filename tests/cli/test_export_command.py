@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from clutchid.exports.exporting import NO_POSITION_ONLY
+from clutchid.exports.exporting import BY_EXPORT, BY_ROUNDING, NO_POSITION_ONLY
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.parity import Parity
 from clutchid.observer.health import FLAGS
@@ -50,15 +50,21 @@ def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_s
 
 
 @pytest.mark.needs("cc")
-def test_a_recording_on_which_they_are_not_alike_is_named(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(Parity, "holds", lambda parity, _: parity.recording == "first")
+@pytest.mark.parametrize(("in_double", "note"), [(True, BY_ROUNDING), (False, BY_EXPORT)], ids=["rounding", "an error"])
+def test_a_recording_on_which_they_are_not_alike_is_named(folder, tmp_path, capsys, monkeypatch, in_double, note):
+    # the second recording misses the bounds in float
+    monkeypatch.setattr(
+        Parity, "holds", lambda parity, style: parity.recording == "first" or (style.real == "double" and in_double)
+    )
     assert exported(folder, tmp_path, "--json", "--check", folder / "first.parquet", folder / "worn.parquet") == 0
     content = json.loads(capsys.readouterr().out)
     assert content["status"] == "warning"
     assert content["message"].startswith("the C does not agree with Python on worn, 6000 samples: ")
+    assert note in content["warnings"]
     assert [(entry["recording"], entry["holds"]) for entry in content["parities"]] == [("first", True), ("worn", False)]
     assert content["parity"] == content["parities"][1]
     page = (tmp_path / "observer" / "PARITY.md").read_text().partition("## worn")
+    assert note in page[0]
     assert "**the C agrees with Python**" in page[0]
     assert "**the C does not agree with Python**" in page[2]
 

@@ -91,13 +91,10 @@ def export(
 
 def _answer(bundle: Export, json: bool) -> None:
     if json:
-        entries = [
-            {
-                "recording": parity.recording, "samples": parity.samples, "holds": parity.holds(bundle.style),
-                "theta": parity.theta, "load": parity.load, "pressure_a_rms_Pa": parity.pressure,
-            }
-            for parity in bundle.parities
-        ]  # fmt: skip
+        entries = [{
+            "recording": parity.recording, "samples": parity.samples, "holds": parity.holds(bundle.style),
+            "theta": parity.theta, "load": parity.load, "pressure_a_rms_Pa": parity.pressure,
+        } for parity in bundle.parities]  # fmt: skip
         print_json({
             "status": "ok" if bundle.holds else "warning",
             "message": bundle.message,

@@ -83,6 +83,8 @@ class Parity(NamedTuple):
         Difference of the load, as a share of its peak.
     pressure : Pa
         Difference of the pressure, rms.
+    pressure_share : 1
+        Difference of the pressure as a share of its standard deviation, rms.
     differences
         The largest ones by quantity.
     flags
@@ -96,6 +98,7 @@ class Parity(NamedTuple):
     theta: float
     load: float
     pressure: float
+    pressure_share: float
     differences: tuple[Difference, ...]
     flags: Mapping[str, tuple[int, int]]
     strokes: tuple[int, int]
@@ -253,17 +256,22 @@ def parity(observer: Observer, state: ObserverState, log: Log, in_c: Replayed) -
         for (name, expected_count), count in zip(counts.items(), in_c.health, strict=True)
         if expected_count != count
     }
-    pressure = in_c.outputs[:, 0] - expected.states[:, at[0]]
+    pressure, pressure_std = in_c.outputs[:, 0] - expected.states[:, at[0]], in_c.outputs[:, 1]
     return Parity(
         recording=log.name,
         samples=len(log),
         theta=float(np.abs((in_c.theta - after.theta) / prior).max(initial=0.0)),
         load=float(np.abs(in_c.load[:, 0] - load.force).max() / np.abs(load.force).max()),
-        pressure=float(np.sqrt(np.nanmean(pressure**2))) if np.isfinite(pressure).any() else 0.0,
+        pressure=_rms(pressure),
+        pressure_share=_rms(pressure / pressure_std),
         differences=tuple(differences),
         flags=flags,
         strokes=(after.strokes, int(in_c.outputs[-1, RESULT_COLUMNS.index("strokes")])),
     )
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(values**2))) if np.isfinite(values).any() else 0.0
 
 
 def _worst(name: str, in_c: FloatArray, expected: FloatArray, unit: str) -> Difference:
