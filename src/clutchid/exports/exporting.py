@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -194,25 +194,18 @@ def write_export(
     if "dbc" in to:
         files[f"dbc/{style.name}.dbc"] = results_dbc()
     head = provenance(observer).head
-    for name, text in files.items():
-        if name.endswith(".h") and isinstance(text, str) and not text.startswith(head):
-            files[name] = head + text
-    _write(folder, files)
+    headers = {name: text for name, text in files.items() if name.endswith(".h") and isinstance(text, str)}
+    files |= {name: head + text for name, text in headers.items() if not text.startswith(head)}
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parities": parities, "cause": cause, "notes": notes,
         "deviations": DEVIATIONS, "checker": CHECKER,
     }  # fmt: skip
-    pages = {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
-    _write(folder, pages)
-    return Export(folder, tuple(sorted({*files, *pages})), parities, notes, style)
-
-
-def _write(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    files |= {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     for name, text in files.items():
-        path = folder / name
-        make_folder(path.parent, "--out")
-        write_bytes(text.encode() if isinstance(text, str) else text, path)
+        make_folder((folder / name).parent, "--out")
+        write_bytes(text.encode() if isinstance(text, str) else text, folder / name)
+    return Export(folder, tuple(sorted(files)), parities, notes, style)
 
 
 def _at_rate(log: Log, observer: Observer) -> Log:
