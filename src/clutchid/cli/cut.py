@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from clutchid.cli.common import (
-    DONE,
-    FileOptions,
-    OutOption,
-    OutputFlag,
-    guarded,
-    print_written,
-    progress_bar,
-)
+from clutchid.cli.common import DONE, FileOptions, OutOption, OutputFlag, guarded, print_written, progress_bar
 from clutchid.documents.console import put, say
 from clutchid.errors import DataError
 from clutchid.verbs.options import USUAL_FILES

@@ -5,16 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from clutchid.cli.common import (
-    BAD_INPUT,
-    DONE,
-    FileOptions,
-    OutputFlag,
-    PathOutput,
-    guarded,
-    print_json,
-    print_written,
-)
+from clutchid.cli.common import BAD_INPUT, DONE, FileOptions, OutputFlag, PathOutput, guarded, print_json, print_written
 from clutchid.documents.console import put, wrapped_sentences
 from clutchid.verbs.options import USUAL_FILES
 

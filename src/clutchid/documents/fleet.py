@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from clutchid.documents.document import (
-    Block,
-    Chapter,
-    Document,
-    LabelRow,
-    Markup,
-    Notice,
-    Picture,
-    Sortable,
-    Text,
-)
+from clutchid.documents.document import Block, Chapter, Document, LabelRow, Markup, Notice, Picture, Sortable, Text
 from clutchid.documents.figures import label, legend, new_figure
 from clutchid.documents.fleet_tables import (
     MARKS,

@@ -13,18 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
 from typing import Any
 
-from clutchid.documents.document import (
-    Block,
-    Bullets,
-    Details,
-    Document,
-    LabelRow,
-    Notice,
-    On,
-    Picture,
-    Sortable,
-    Text,
-)
+from clutchid.documents.document import Block, Bullets, Details, Document, LabelRow, Notice, On, Picture, Sortable, Text
 from clutchid.documents.figures import png, svg
 from clutchid.documents.tables import ReportTable, to_html
 from clutchid.files import write_text

@@ -8,14 +8,7 @@ import sympy as sp
 
 from clutchid.codegen.system import Expr, System
 from clutchid.model.assembly import VALVE_INPUTS, Book, assembled, friction_and_stops, gated, openings, spool_openings
-from clutchid.model.chambers import (
-    heat_flow,
-    heated_pressure_rate,
-    temperature_rate,
-    volume_a,
-    volume_b,
-    wall_area,
-)
+from clutchid.model.chambers import heat_flow, heated_pressure_rate, temperature_rate, volume_a, volume_b, wall_area
 from clutchid.model.friction import bearing_force, deflection_rate
 from clutchid.model.motion import acceleration
 from clutchid.model.opening import spool_rate

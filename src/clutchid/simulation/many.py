@@ -22,14 +22,7 @@ from clutchid.parameters import known_ambient
 from clutchid.simulation.partition import Partition
 from clutchid.simulation.plan import Segment
 from clutchid.simulation.run import KernelArrays, run_side_by_side, start_states
-from clutchid.simulation.simulation import (
-    PreparedLog,
-    Simulation,
-    prepared_log,
-    read_log,
-    simulation_of,
-    states_of,
-)
+from clutchid.simulation.simulation import PreparedLog, Simulation, prepared_log, read_log, simulation_of, states_of
 from clutchid.simulation.stiffness import steepest_slopes, stiffness_by_slope, top_speed
 
 #: Simulations that a thread is given at once, and into how many parts a few are divided.

@@ -10,14 +10,7 @@ import numpy as np
 from clutchid.errors import DataError
 from clutchid.log import FloatArray, Log
 from clutchid.measurements.clock import usual_interval
-from clutchid.measurements.live.order import (
-    FIRST,
-    ArrivedBatch,
-    LeftOutCounts,
-    final,
-    none_waiting,
-    sorted_in,
-)
+from clutchid.measurements.live.order import FIRST, ArrivedBatch, LeftOutCounts, final, none_waiting, sorted_in
 from clutchid.measurements.map.channel_map import PickedChannels
 from clutchid.measurements.time_axis import SampleBlock, align
 

@@ -18,13 +18,7 @@ import numpy as np
 
 from clutchid.log import FloatArray
 from clutchid.measurements.columns import Heading
-from clutchid.measurements.formats.csv.cells import (
-    AMBIGUOUS,
-    STAMPS_SHOWN,
-    is_words,
-    numbers_of,
-    split,
-)
+from clutchid.measurements.formats.csv.cells import AMBIGUOUS, STAMPS_SHOWN, is_words, numbers_of, split
 from clutchid.measurements.formats.csv.dialect import Dialect
 from clutchid.measurements.formats.csv.header import is_comment
 from clutchid.measurements.formats.csv.text import TextBlock
