@@ -28,11 +28,10 @@ import numpy as np
 from clutchid.codegen.records import new_record
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray, Log
-from clutchid.numerics.interval import QUANTILE
 from clutchid.observer import rest_rule
 from clutchid.observer.inputs import window_size
 from clutchid.observer.rest import WRONG, Rest, RestBefore
-from clutchid.strokes.rest_shift import LEVEL
+from clutchid.strokes.rest_shift import level_interval
 from clutchid.strokes.vented_rest import VentedRest, vented_rest
 from clutchid.truck import MANOEUVRES, Vehicle, drive, truck
 from clutchid.truck.assembly import at_rest, load_curve
@@ -125,7 +124,7 @@ def lagging(position: FloatArray, rate: float) -> FloatArray:
 def shift(before: VentedRest, position: FloatArray, duties: FloatArray) -> FloatArray:
     """The shift in m as known at each sample."""
     size, shifts = window_size(1e-3), np.zeros(position.size)
-    level = QUANTILE * np.sqrt(2.0) * np.hypot(LEVEL, before.quantum / np.sqrt(12.0))
+    level = level_interval(before.quantum)
     calibrated = new_record(
         RestBefore, exists=1, lowest=before.lowest, returned=before.returned, level=level, range=1.25e-4, bin=size.bin,
         bins=size.bins, vents=50,

@@ -157,7 +157,6 @@ def _start_values(observer: Observer) -> dict[str, Any]:
         "at_D_v": names.index("D_v"),
         "at_y_max": names.index("y_max"),
         "y_max": actuator.parameters.y_max,
-        "y_max_calibrated": observer.actuator.parameters.y_max,
         "supply_ratio": observer.supply.ratio if observer.supply else 1.0,
         "possible": [PRESSURES[0] * observer.actuator.parameters.P_0, PRESSURES[1] * observer.actuator.parameters.P_S],
     }

@@ -16,7 +16,6 @@ from clutchid.codegen.records import Records
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
 from clutchid.inference.filter.setup import FilterState, intervals
-from clutchid.inference.uncertainty.conditions import LOST
 from clutchid.log import INPUTS, BoolArray, FloatArray, IntArray, Log, any_of
 from clutchid.observer import flags
 from clutchid.observer.air import at_air
@@ -151,9 +150,9 @@ def observe_strokes(
             state = _stroke_ended(observer, state)
             air_known = bool(single["air_known"][b - 1])
             at_ends.append(_ended(observer, state)._replace(latest=float(samples.time[b - 1]), air_known=air_known))
-    intake, latest = inputs.intake, float(block.time[-1]) if len(block) else state.latest
-    air_known = bool(intake.air > 0.0 and intake.aired <= LOST)
-    return state._replace(inputs=inputs, latest=latest, air_known=air_known), observed, at_ends
+    if len(block):
+        state = state._replace(latest=float(block.time[-1]), air_known=bool(taken["air_known"][-1]))
+    return state._replace(inputs=inputs), observed, at_ends
 
 
 def _rows(at: IntArray) -> IntArray | slice:

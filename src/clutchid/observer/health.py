@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -38,6 +39,7 @@ def raised(observer: Observer, log: Log, samples: Observed) -> IntArray:
     return flagged
 
 
+@lru_cache(maxsize=4)
 def weights(observer: Observer) -> FloatArray:
     """Samples that a sample with each flag stands for: those of corrections for all since the last one."""
     return np.array([observer.joint.settings.every if name in BY_CORRECTION else 1.0 for name in FLAGS])

@@ -11,12 +11,11 @@ from clutchid.codegen.kernels import kernels_in
 from clutchid.codegen.records import Records, layout, new_record
 from clutchid.inference.filter.setup import LONG
 from clutchid.log import HOLE, INPUTS, Log
-from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.intake import BRIDGED, Input, Intake, IntakeLimits, Sample
 from clutchid.observer.rest import Rest, RestBefore
 from clutchid.observer.state import Inputs
 from clutchid.strokes.rest_level import CREEP, LEVEL_BIN, STILL
-from clutchid.strokes.rest_shift import LEVEL
+from clutchid.strokes.rest_shift import level_interval
 from clutchid.strokes.rule import ValueLimits
 from clutchid.strokes.stroke import LONGEST_US, RESOLUTION, Stroke
 from clutchid.strokes.values import limits, new_watch
@@ -78,7 +77,7 @@ def rules(observer: Observer) -> Rules:
     before = new_record(
         RestBefore, exists=int(rest is not None), subtracted=int(observer.zero == "subtract"),
         lowest=rest.lowest if rest else np.nan, returned=rest.returned if rest else np.nan,
-        level=QUANTILE * np.sqrt(2.0) * np.hypot(LEVEL, (rest.quantum if rest else 0.0) / np.sqrt(12.0)),
+        level=level_interval(rest.quantum if rest else 0.0),
         range=CREEP * y_max / 2, bin=size.bin, bins=size.bins, vents=max(1, round(VENTS / observer.spacing)),
     )  # fmt: skip
     return Rules(of_samples, limits(observer.actuator, "position", observer.spacing), before)

@@ -73,7 +73,7 @@ class Intake:
         Duty cycles as they are held.
     closed, bin : us
         Time for which both valves are closed, and of the present mean.
-    mean, lowest : m
+    total, lowest : m
         Sum of its positions, `count` of them, and the lowest mean so far.
     rises
         1 where a mean has risen.
@@ -102,7 +102,7 @@ class Intake:
     duty_exhaust: float
     closed: Count
     bin: Count
-    mean: float
+    total: float
     count: Count
     lowest: float
     rises: int

@@ -114,6 +114,12 @@ def take_air(intake: Intake, temperature: float, before: float) -> None:
 
 
 @kernel
+def air_known(intake: Intake) -> int:
+    """1 where a temperature of the air is in use that is not lost."""
+    return 1 if intake.air > 0.0 and intake.aired <= LOST else 0
+
+
+@kernel
 def judge_air(intake: Intake, limits: IntakeLimits, temperature: float, dt: Count) -> None:
     """Use or refuse a temperature of the air in K, NaN for none, `dt` us after the last sample.
 
@@ -169,18 +175,18 @@ def watch_closed(intake: Intake, sample: Sample, since: Count) -> None:
     closed = sample.begins == 0 and sample.duty_supply <= CLOSED and sample.duty_exhaust <= CLOSED
     if not closed or intake.closed > CLOSED_SPAN:
         intake.closed, intake.bin, intake.count, intake.rises = 0, 0, 0, 0
-        intake.mean, intake.lowest = 0.0, math.inf
+        intake.total, intake.lowest = 0.0, math.inf
     if closed:
         intake.closed = later(intake.closed, since)
         if intake.closed >= SETTLED and math.isfinite(sample.position):
             intake.bin = later(intake.bin, since)
-            intake.mean += sample.position
+            intake.total += sample.position
             intake.count = later(intake.count, 1)
         if intake.bin >= CLOSED_BIN:
-            mean = intake.mean / float(intake.count)
+            mean = intake.total / float(intake.count)
             intake.lowest = min(intake.lowest, mean)
             intake.rises = 1 if mean > intake.lowest + RISES else 0
-            intake.mean, intake.count, intake.bin = 0.0, 0, 0
+            intake.total, intake.count, intake.bin = 0.0, 0, 0
 
 
 @kernel
@@ -220,7 +226,7 @@ def faults_of(sample: Sample, intake: Intake, limits: IntakeLimits) -> Count:
         flags |= bits.MOVES_CLOSED
     if intake.air_refused == 1:
         flags |= bits.AIR_REFUSED
-    if intake.air > 0.0 and intake.aired > LOST:
+    if intake.air > 0.0 and air_known(intake) == 0:
         flags |= bits.AIR_LOST
     return flags
 
@@ -236,7 +242,7 @@ def take_in(
     since = later(intake.pending, dt) if intake.sampled == 1 else 0
     sample.since, sample.rest, sample.ends = since, rest.shift, 0
     sample.forgets = 0
-    sample.air, sample.air_known = intake.air, 1 if intake.air > 0.0 and intake.aired <= LOST else 0
+    sample.air, sample.air_known = intake.air, air_known(intake)
     intake.pending = since
     sample.flags, sample.verdict = bits.REPEATED_TIME, rule.VALUE
     if intake.sampled == 0 or since >= limits.shortest:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
+from clutchid.numerics.interval import QUANTILE
+
 #: Standard deviations: of a level between two recordings in m, beside what the quantum of the sensor adds; and of the
 #: distance of the rests after a stroke from the stop, as a share of it, which goes with the friction of the seals.
 #: `python benchmarks/zero.py`, trucks 0 to 7 of both families: levels at the stop differ by 6 µm rms, and 40 % more
@@ -22,3 +26,8 @@ FURTHEST = 5e-3
 
 #: What is compared: nothing, rests at the stop, rests after a stroke, or one of each.
 NOTHING, AT_STOP, RETURNS, BEGINNING = range(4)
+
+
+def level_interval(quantum: float) -> float:
+    """Half a 95 % interval in m of the difference of two levels, with the step of the sensor in m."""
+    return QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, quantum / math.sqrt(12.0))

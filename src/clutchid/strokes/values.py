@@ -286,14 +286,6 @@ def with_inputs_in_range(log: Log) -> Log:
 _RANGES = {**dict.fromkeys(INPUTS, (-DUTY_ROUNDING, 1.0 + DUTY_ROUNDING)), "pressure_supply": _SUPPLY}
 
 
-def within_rounding(duty: FloatArray) -> FloatArray:
-    """Duty cycles from 0 to 1: those that are rounded to just outside at the end of the range, NaN for no values."""
-    if duty.size and duty.min() >= 0.0 and duty.max() <= 1.0:
-        return duty
-    inside = (duty >= -DUTY_ROUNDING) & (duty <= 1.0 + DUTY_ROUNDING)
-    return np.where(inside, np.clip(duty, 0.0, 1.0), np.nan)
-
-
 def outside(name: str, values: FloatArray) -> BoolArray:
     """Whether each value is no duty cycle, or no pressure of an air supply; False where it is missing."""
     low, high = _RANGES[name]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Literal, NamedTuple
@@ -25,7 +24,7 @@ from clutchid.strokes.rest_level import (
     samples_in_bin,
     windows_of,
 )
-from clutchid.strokes.rest_shift import CLEARLY, LEVEL, NOTHING, RETURNS
+from clutchid.strokes.rest_shift import CLEARLY, NOTHING, RETURNS, level_interval
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.stream import StrokeSamples
 from clutchid.strokes.values import Values
@@ -175,7 +174,7 @@ def merged_levels(rests: Sequence[VentedRest | None]) -> VentedRest | None:
 
 def rest_shift(before: VentedRest, now: VentedRest) -> RestShift | None:
     """Shift of the vented rest from one recording to another; None where they cannot be compared: `compared_rests`."""
-    level = QUANTILE * math.sqrt(2.0) * math.hypot(LEVEL, max(before.quantum, now.quantum) / math.sqrt(12.0))
+    level = level_interval(max(before.quantum, now.quantum))
     levels = before.lowest, before.returned, now.lowest, now.returned
     rule = kernels_in("clutchid.strokes.rest_shift_rule")
     compared = rule.compared_rests(*levels, level)
