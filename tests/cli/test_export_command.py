@@ -39,6 +39,7 @@ def test_it_writes_the_observer_and_says_that_c_and_python_are_alike(folder, tmp
 def test_json_has_files_and_differences_of_an_export_that_goes_on_from_a_saved_state(folder, tmp_path, capsys, observe):
     assert observe(folder / "first.parquet", "--save", "state.toml")[0] == 0
     options = ("--real", "double", "--name", "own", "--rates", "two", "--resume", tmp_path / "state.toml")
+    options = (*options, "--supply-std", "0.03", "--supply-sensor-std", "0.025")
     assert exported(folder, tmp_path, "--json", *options) == 0
     assert ".strokes = 0u" not in (tmp_path / "observer" / "src" / "own_data.c").read_text()
     content = json.loads(capsys.readouterr().out)

@@ -42,6 +42,8 @@ def export(
     resume: Annotated[Path | None, FILES] = None,
     check: Annotated[list[Path] | None, Parameter(consume_multiple=True), FILES] = None,
     model: Flag = False,
+    supply_std: Annotated[float | None, SEARCH] = None,
+    supply_sensor_std: Annotated[float | None, SEARCH] = None,
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -70,6 +72,10 @@ def export(
         Recordings on which C and Python are compared; by default a short simulated drive.
     model
         Write the actuator with its load as an FMU too, for `--to fmu2` or `fmu3`.
+    supply_std
+        Standard deviation of a supply pressure that is not recorded, as of `clutchid observe`.
+    supply_sensor_std
+        That of a recorded one: 0.02 to 0.03 for a signal of the bus.
     json
         Print one JSON object on standard output.
     debug
@@ -83,7 +89,7 @@ def export(
     with progress_bar("export: the first FMU for Windows takes some minutes" if slow else "export"):
         export = exporting.export(
             calibration, out, to=to, method=method, real=real, rates=rates, name=name, resume=resume, check=logs,
-            model=model,
+            model=model, supply_std=supply_std, supply_sensor_std=supply_sensor_std,
         )  # fmt: skip
     _answer(export, json)
     return DONE

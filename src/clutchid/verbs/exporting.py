@@ -34,6 +34,8 @@ def export(
     resume: str | PathLike[str] | None = None,
     check: LogOrPath | Sequence[LogOrPath] = (),
     model: bool = False,
+    supply_std: float | None = None,
+    supply_sensor_std: float | None = None,
 ) -> Export:
     """Write the on-line observer of a calibration as C99 for a control unit, and compare it with the one in Python.
 
@@ -59,6 +61,8 @@ def export(
         Recordings on which C and Python are compared; by default a short simulated drive.
     model
         Whether the actuator with its load is written as an FMU too.
+    supply_std, supply_sensor_std : 1, optional
+        As in `clutchid.observe`: the bands of the exported observer.
 
     Returns
     -------
@@ -85,12 +89,17 @@ def export(
     from clutchid.exports.exporting import targets_of, write_export
     from clutchid.exports.parity import begun
     from clutchid.observer.configuration import observer, start
+    from clutchid.observer.prior import SUPPLY_STD
     from clutchid.observer.state_file import read_state, saved_spacing
 
     targets = targets_of(to) if isinstance(to, str) else to
     style, content = CStyle(name, real, rates), content_of(calibration)
     spacing = 1e-3 if resume is None else saved_spacing(resume)
-    observing = observer(content.actuator, method, spacing, content.calibration)
+    observing = observer(
+        content.actuator, method, spacing, content.calibration,
+        supply_std=SUPPLY_STD if supply_std is None else supply_std,
+        supply_sensor_std=supply_sensor_std,
+    )  # fmt: skip
     state = begun(observing, start(observing) if resume is None else read_state(observing, resume))
     logs = reading_of(check or ()).read(content.actuator)
     title = f"{'a fit' if isinstance(calibration, Fit | ParameterFile) else Path(calibration).name}, method {method}"
