@@ -73,7 +73,7 @@ def reading(exported: Exported, symbols: Iterator[str]) -> str:
     """Statements that take the first number of each symbol as one of the type in the A2L."""
     real = exported.style.real
     array = re.compile(r"(breakpoints|_load_\w+|weights|epk)$")
-    whole = {"epk": "uint8_t", **dict.fromkeys(("strokes", "flags", "trust", "health"), "uint32_t")}
+    whole = {"epk": "uint8_t", **dict.fromkeys(("strokes", "flags", "trust", "reasons", "health"), "uint32_t")}
     types = {s: whole.get(re.sub(r".*\.|\[.*", "", s), real) for s in symbols}
     return " ".join(
         f"{{ const {t} *at = &{s}{'[0]' if array.search(s) else ''}; (void)*at; }}" for s, t in types.items()

@@ -14,6 +14,7 @@ import pytest
 
 from clutchid.estimation.assess.observed import TRUSTS, indicators, observed_verdict
 from clutchid.exports.c99 import CStyle, observer_c99
+from clutchid.exports.outputs import REASONS
 from clutchid.exports.parity import RESULT_COLUMNS, begins_us, parity, replay, replay_program, replayed
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import RecordedConditions
@@ -57,7 +58,7 @@ def scaled(log, factor=1.0, add=0.0):
 
 
 def far_supply(log):
-    late = np.arange(len(log)) >= 4000
+    late = np.arange(len(log)) >= 2500
     return log.with_columns(pressure_supply=log["pressure_supply"] * np.where(late, 1.12, 1.0))
 
 
@@ -127,6 +128,14 @@ def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
         assert not undisturbed.health[flag]
 
 
+#: Words of the reasons in Python by their name in C.
+SAID = {
+    "calibration": "settled vented rest", "strokes": "ended, fewer than", "band": "the band of the load",
+    "mismatch": "the innovations (NIS", "supply": "the supply pressure was", "rest": "and was kept",
+    "zero": "the position jumped", "flags": "% of the last",
+}  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def program(estimator, log, tmp_path_factory):
     """The observer in C with the program that runs a recording through it."""
@@ -143,8 +152,12 @@ def test_c_follows_the_same_rules(estimator, log, program, fault):
     compared = parity(estimator, start(estimator), disturbed, in_c)
     assert compared.flags == {}
     assert compared.holds(DOUBLE), compared
-    trust = observed_verdict(indicators(observe_recording(estimator, disturbed))).trust
-    assert TRUSTS[int(in_c.outputs[-1, RESULT_COLUMNS.index("trust")])] == trust
+    verdict = observed_verdict(indicators(observe_recording(estimator, disturbed)))
+    trust, reasons = (in_c.outputs[:, RESULT_COLUMNS.index(name)].astype(int) for name in ("trust", "reasons"))
+    assert TRUSTS[trust[-1]] == verdict.trust
+    assert np.array_equal(trust == 2, reasons == 0)
+    because = {name for bit, name in enumerate(REASONS) if reasons[-1] >> bit & 1}
+    assert because == {name for name, words in SAID.items() if any(words in reason for reason in verdict.reasons)}
 
 
 @pytest.mark.slow
@@ -232,7 +245,7 @@ void meanwhile(void)
     barriers += 1;
     if (barriers == 2) { /* all but the checksum is written */
         self.strokes += 1u;
-        self.mismatch = 2.0;
+        self.mismatch.kept = 2.0;
         self.zero = 1e-4;
         self.rest.shift = 1e-4;
         self.sound.theta[0] = 0.25;

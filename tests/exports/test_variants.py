@@ -126,7 +126,7 @@ def test_a_state_of_another_calibration_is_refused_and_left_as_it_is(calibration
     np.testing.assert_array_equal(printed[:8], [0, 0, 1, 0, 0, np.nan, 1, 1])
     output = dict(zip(OUTPUTS, printed[8:-1], strict=True))
     assert output.pop("flags") == 2.0**31
-    assert (output.pop("trust"), output.pop("strokes")) == (0.0, 0.0)
+    assert [output.pop(name) for name in ("trust", "reasons", "strokes")] == [0.0] * 3
     assert np.isnan(list(output.values())).all()
     assert printed[-1] == 0.0
 

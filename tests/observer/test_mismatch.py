@@ -6,17 +6,20 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from clutchid.codegen.kernels import kernels_in
 from clutchid.inference.filter.joint_filter import Diverged
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.model import Actuator
 from clutchid.observer import estimates_of, observe, observe_recording, observer, start
+from clutchid.observer.flags import FLAGS, HEALED
 from clutchid.observer.health import health, raised
-from clutchid.observer.mismatch import MEMORY, MISMATCHED, mismatches, normalised
+from clutchid.observer.mismatch import MEMORY, MISMATCHED, mismatch_from, normalised
 from clutchid.observer.prior import AIR_STD, deviation_by_air
 from clutchid.observer.run import usual_nis
 from fixtures.observing import assert_same, in_blocks
 
 module = import_module("clutchid.observer.following")
+RULE = kernels_in("clutchid.observer.mismatch_rule")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +82,7 @@ def test_another_load_is_not_unlike_the_calibration_but_another_actuator_is(cali
     assert strange.after.mismatch > MISMATCHED
     assert strange.health["unlike_calibration"] > 0.0
     at = np.linspace(2e-3, 9e-3, 30)
-    plain = strange.after._replace(mismatch=1.0)
+    plain = strange.after._replace(nis=mismatch_from(1.0))
     by_air = deviation_by_air(AIR_STD, calibrated.actuator, calibrated.load(plain), at)
     both = [calibrated.load_deviation(state, at, as_calibrated=True) for state in (strange.after, plain)]
     wider, usual = (deviation**2 - by_air**2 for deviation in both)
@@ -203,10 +206,40 @@ def test_states_that_no_actuator_has_are_divergence_although_they_are_finite(joi
     assert not np.any(samples.states[:, place] == value)
 
 
-def test_the_mismatch_of_ten_seconds_of_motion_counts_by_63_percent(calibrated, sound):
+def test_the_mismatch_of_ten_seconds_of_motion_counts_by_63_percent(calibrated):
     """An exponential memory of 1,000 corrections, 10 ms apart: docs/derivations_online.md#mismatch."""
-    moving = np.isfinite(normalised(calibrated, sound.samples.states, sound.samples.innovations))
-    states = np.repeat(sound.samples.states[moving][:1], 1000, axis=0)
-    innovations = np.tile([np.sqrt(3.0 * calibrated.usual), 1.0], (1000, 1))
-    after = mismatches(calibrated, 1.0, states, innovations)[-1]
-    assert after == pytest.approx(3.0 - 2.0 * np.exp(-1.0), rel=1e-3)
+    mismatch, means = mismatch_from(1.0), np.empty(1000)
+    RULE.count_innovations(mismatch, np.full(1000, 3.0 * calibrated.usual), calibrated.usual, means)
+    assert mismatch.running == means[-1] == pytest.approx(3.0 - 2.0 * np.exp(-1.0), rel=1e-3)
+
+
+def strokes_of(mismatch, *strokes):
+    """Count strokes of 100 corrections with an NIS each, with or without a fault; the means and what is kept."""
+    for ratio, flags in strokes:
+        RULE.count_innovations(mismatch, np.full(100, ratio), 1.0, np.empty(100))
+        RULE.note_faults(mismatch, flags)
+        RULE.end_of_stroke(mismatch)
+        yield mismatch.running, mismatch.kept
+
+
+def test_the_mismatch_of_a_fault_is_not_kept_and_heals_with_two_strokes_without_one():
+    fault = 1 << [*FLAGS].index("contradiction")
+    first, faulty, one, two = strokes_of(mismatch_from(1.0), (1.0, 0), (9.0, fault), (1.0, 0), (1.0, 0))
+    assert first == (1.0, 1.0)
+    assert faulty[0] > 1.7
+    assert faulty[1] == 1.0
+    assert one[0] > 1.6
+    assert two == (1.0, 1.0)
+    assert HEALED == 2
+
+
+def test_a_mismatch_without_a_fault_stays_and_one_beside_faults_in_every_stroke_too():
+    fault = 1 << [*FLAGS].index("position_missing")
+    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, 0)] * 4)
+    assert mean == kept > 1.6
+    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, fault)] * 4)
+    assert mean > 1.6
+    assert kept == 1.0
+    outlier = 1 << [*FLAGS].index("outlier")
+    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, outlier)] * 4)
+    assert mean == kept > 1.6, "an outlier is no fault of a signal"

@@ -10,6 +10,7 @@ import pytest
 from clutchid.errors import ParameterError
 from clutchid.inference.filter.setup import ADAPTS, WEARS
 from clutchid.observer import observe, read_state, start, write_state
+from clutchid.observer.mismatch import mismatch_from
 from fixtures.cases import case_tables
 from fixtures.observing import with_inputs
 
@@ -89,8 +90,8 @@ def inputs(**records):
         (lambda s: {"filter": None}, "not of the same stretch"),
         (lambda _: {"number": -5}, "number is no number of at least 0"),
         (lambda _: {"number": 0.5}, "number is no number of at least 0"),
-        (lambda _: {"mismatch": -1.0}, "mismatch -1 is not of at least 0"),
-        (lambda _: {"mismatch": "1"}, "mismatch is no number"),
+        (lambda _: {"nis": mismatch_from(-1.0)}, "mismatch -1 is not of at least 0"),
+        (lambda _: {"excess": "1"}, "excess is no number"),
         (lambda _: {"leaking": 1}, "leaking is neither true nor false"),
         (lambda _: {"zero": 7.0}, "has moved by more than 0.005 m"),
         (lambda s: {"deviations": spoiled(s.deviations, -1.0)}, "a standard deviation is below 0"),

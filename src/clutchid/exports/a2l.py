@@ -11,7 +11,7 @@ import numpy as np
 from clutchid.codegen.templates import template
 from clutchid.exports.c99 import CStyle
 from clutchid.exports.data import provenance
-from clutchid.exports.outputs import OUTPUTS
+from clutchid.exports.outputs import OUTPUTS, REASONS
 from clutchid.inference.filter.joint_filter import JointFilter
 from clutchid.inference.filter.setup import PARAMETER, WEIGHT
 from clutchid.log.states import SENSOR_PARAMETERS, SENSORS
@@ -134,6 +134,10 @@ def _outputs(observer: Observer, real: str) -> Iterator[MemoryItem]:
 def _flags() -> Iterator[MemoryItem]:
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
         yield MemoryItem(f"flag.{flag}", "output.flags", meaning, _FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}")
+    for bit, (reason, meaning) in enumerate(REASONS.items()):
+        yield MemoryItem(
+            f"because.{reason}", "output.reasons", meaning, _FLAG, 0.0, 1.0, "ULONG", mask=f"0x{1 << bit:X}"
+        )
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
         yield MemoryItem(
             f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", _COUNT, *_UNSIGNED, "ULONG"

@@ -20,6 +20,7 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.assess import comparison, observed
 from clutchid.exports.data import carrier_us, data_of, provenance, size_of
 from clutchid.exports.filter import correction_shares, filter_c99
+from clutchid.exports.outputs import REASONS
 from clutchid.inference.uncertainty import conditions
 from clutchid.model.actuator import Actuator
 from clutchid.model.compiled import kernels, system
@@ -32,22 +33,30 @@ from clutchid.observer import (
     intake,
     intake_rule,
     mismatch,
+    mismatch_rule,
     rest,
     rest_rule,
 )
 from clutchid.observer.configuration import LEAK_FOUND, Observer
 from clutchid.observer.following import BEYOND_STOPS, HELD_BACK
 from clutchid.observer.inputs import SHORT, no_inputs, rules, window_size
-from clutchid.observer.state import FROZEN, NO_FAULTS, ObserverState
+from clutchid.observer.state import AS_CALIBRATED, FROZEN, NO_FAULTS, ObserverState
 from clutchid.simulation import plan
 from clutchid.strokes import excitation, plausible, rest_shift_rule, rule, stroke, stroke_rule
 
 Real = Literal["float", "double"]
 Rates = Literal["one", "two"]
 
-#: Modules whose kernels are printed, in the order of their calls; records of the state of an observer, and of its data.
-_KERNELS = (plausible, stroke_rule, rest_shift_rule, rest_rule, intake_rule, contradiction, faults_rule)
-_STATES = (rule.Watch, stroke.Stroke, rest.Rest, intake.Intake, intake.Sample, flags.Faults)
+#: Modules whose kernels are printed, in the order of their calls; those that the templates call; records of the state
+#: of an observer, and of its data.
+_KERNELS = (
+    plausible, stroke_rule, rest_shift_rule, rest_rule, intake_rule, contradiction, faults_rule, mismatch_rule,
+)  # fmt: skip
+_CALLED = (
+    "take_in", "excess_after", "gain_of", "fade", "recent", "note_faults", "end_of_stroke", "normalised_square",
+    "count_innovation",
+)  # fmt: skip
+_STATES = (rule.Watch, stroke.Stroke, rest.Rest, intake.Intake, intake.Sample, flags.Faults, mismatch.Mismatch)
 _DATA = (intake.IntakeLimits, rule.ValueLimits, rest.RestBefore)
 
 #: Modules whose constants the templates take, by name.
@@ -150,6 +159,7 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "provenance": provenance(observer),
         "crc_table": [_crc_of_nibble(nibble) for nibble in range(16)],
         "of": _CONSTANTS,
+        "reasons": REASONS,
         "supply": "pressure_supply" in joint.measure,
         "inputs": _inputs(observer),
         "carrier": carrier_us(actuator) > 0 and "c_pwm" in kernels(actuator.model).INPUTS,
@@ -158,12 +168,13 @@ def observer_c99(observer: Observer, state: ObserverState, style: CStyle, title:
         "quantile": QUANTILE,
         "leak_found": LEAK_FOUND,
         "frozen": FROZEN,
-        "rules": kernel_c99(_KERNELS, ("take_in", "excess_after", "gain_of", "fade", "recent"), names),
+        "rules": kernel_c99(_KERNELS, _CALLED, names),
         "states_of_rules": "\n".join(record_c99(record, names) for record in _STATES),
         "records_of_rules": "\n".join(record_c99(record, names) for record in _DATA),
         "no_intake": values_c99(fresh.intake, names),
         "no_watch": values_c99(fresh.watch, names),
         "no_faults": values_c99(NO_FAULTS, names),
+        "no_mismatch": values_c99(AS_CALIBRATED, names),
         "fades": flags.FADES,
         "intake_limits": values_c99(expected.limits, names),
         "value_limits": values_c99(expected.bounds, names),

@@ -27,4 +27,17 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType({
     "strokes": Output("strokes that have ended", ""),
     "flags": Output("flags of the sample, a bit each, in their order", ""),
     "trust": Output("trust in the load so far: 0 none, 1 with care, 2 good", ""),
+    "reasons": Output("reasons why trust is below 2, a bit each", ""),
+})  # fmt: skip
+
+#: Reasons why trust is below 2: the name of each bit of the output `reasons`.
+REASONS: Mapping[str, str] = MappingProxyType({
+    "calibration": "the calibration has no vented rest, or the load does not adapt",
+    "strokes": "fewer than two strokes have ended",
+    "band": "the band of the load from 5 to 8 mm is too wide",
+    "mismatch": "the innovations are larger than in the calibration recordings",
+    "supply": "no supply pressure is in use",
+    "rest": "a vented rest has moved and is kept",
+    "zero": "the position jumped and stayed",
+    "flags": "flags of the last 20 s, or of the last two strokes",
 })  # fmt: skip

@@ -22,6 +22,7 @@ from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.by_stroke import curve, curve_positions
 from clutchid.observer.configuration import Observer, start
 from clutchid.observer.flags import FLAGS
+from clutchid.observer.mismatch import mismatch_from
 from clutchid.observer.run import follow_block
 from clutchid.observer.state import ObserverState, Sound
 
@@ -117,7 +118,7 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     shift = saved.zero if observer.zero == "subtract" else saved.rest_shift
     intake = record_copy(fresh.inputs.intake, jumped=saved.jumped, unzeroed=saved.unzeroed)
     fresh = fresh._replace(
-        **sound._asdict(), sound=sound, strokes=saved.strokes, mismatch=saved.mismatch, zero=saved.zero,
+        **sound._asdict(), sound=sound, strokes=saved.strokes, nis=mismatch_from(saved.nis.kept), zero=saved.zero,
         inputs=fresh.inputs._replace(intake=intake, rest=record_copy(fresh.inputs.rest, shift=shift)),
     )  # fmt: skip
     return fresh._replace(leaking=observer.leaks(fresh))

@@ -60,6 +60,14 @@ BY_CORRECTION = ("outlier", "unlike_calibration")
     )
 )  # fmt: skip
 
+#: Bits of the faults of the signals: innovations beside them say nothing of the calibration.
+SIGNAL_FAULTS = sum(
+    1 << [*FLAGS].index(name) for name in (
+        "position_missing", "position_beyond_stops", "duty_missing", "time_missing", "diverged", "contradiction",
+        "supply_unlike", "position_none", "position_jumps", "zero_unknown", "repeated_samples", "moves_closed",
+    )
+)  # fmt: skip
+
 #: Time in s over which the share of the time of a flag fades (1/e), before that it is of all time; and strokes that
 #: must have ended without a flag that counts however short it was. Guesses: a fault of 5 s is over 2 s after it where
 #: 20 % of the time count, 30 s after it where 5 % do.

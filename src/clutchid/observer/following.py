@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.arguments import checked
 from clutchid.codegen.kernels import kernels_in
-from clutchid.codegen.records import Records
+from clutchid.codegen.records import Records, record_copy
 from clutchid.errors import DataError
 from clutchid.inference.filter.joint_filter import Diverged, JointInputs, JointPass, follow, init
 from clutchid.inference.filter.setup import FilterState, intervals
@@ -21,7 +21,7 @@ from clutchid.observer import flags
 from clutchid.observer.air import at_air
 from clutchid.observer.configuration import Observer, start, unknown
 from clutchid.observer.inputs import taken_in
-from clutchid.observer.mismatch import mismatches
+from clutchid.observer.mismatch import normalised
 from clutchid.observer.rest import WRONG
 from clutchid.observer.state import (
     EMPTY,
@@ -145,7 +145,7 @@ def observe_strokes(
         if sample["driven"]:
             state = _piece(at_air(observer, state.temperature), state, samples, (a, b), at, observed)
         observed.leaking[rows] = state.leaking
-        state = _judged(observer, state, observed, rows)
+        state = _judged(observer, state, observed, rows, single[a:b])
         if single["ends"][b - 1]:
             state = _stroke_ended(observer, state)
             air_known = bool(single["air_known"][b - 1])
@@ -190,14 +190,23 @@ def _stroke_ended(observer: Observer, state: ObserverState) -> ObserverState:
     )  # fmt: skip
 
 
-def _judged(observer: Observer, state: ObserverState, observed: Observed, samples: IntArray | slice) -> ObserverState:
-    """The state with the mismatch after some samples; fills that of `observed`."""
+def _judged(
+    observer: Observer, state: ObserverState, observed: Observed, rows: IntArray | slice, taken: Records
+) -> ObserverState:
+    """The state with the mismatch after some samples, of which the last one may end a stroke; fills `observed`."""
     if not observer.compares:
         return state
-    running = mismatches(observer, state.mismatch, observed.states[samples], observed.innovations[samples])
-    observed.mismatch[samples] = running
-    ended = running[np.isfinite(running)]
-    return state._replace(mismatch=float(ended[-1])) if ended.size else state
+    rule, after = kernels_in("clutchid.observer.mismatch_rule"), record_copy(state.nis)
+    squares = normalised(observer, observed.states[rows], observed.innovations[rows])
+    means = np.full(squares.size, np.nan)
+    rule.count_innovations(after, squares, observer.usual, means)
+    observed.mismatch[rows] = means
+    lost = np.isnan(observed.states[rows, 0]) & (taken["driven"] == 1)
+    if any_of(observed.contradicted[rows]) or any_of(lost) or any_of(taken["flags"] & flags.SIGNAL_FAULTS != 0):
+        after.faulty = 1
+    if taken["ends"][-1]:
+        rule.end_of_stroke(after)
+    return state._replace(nis=after)
 
 
 def subtracted(observer: Observer, rest: FloatArray) -> FloatArray:
@@ -218,8 +227,8 @@ def _counted(observer: Observer, state: ObserverState, zero: float) -> ObserverS
 
 def _forgotten(observer: Observer, state: ObserverState) -> ObserverState:
     """The state after a stretch that taught something wrong: the parameters are those of the calibration."""
-    sound = start(observer).sound
-    return _ended(observer, state)._replace(**sound._asdict(), sound=sound)
+    fresh = start(observer)
+    return _ended(observer, state)._replace(**fresh.sound._asdict(), sound=fresh.sound, nis=fresh.nis)
 
 
 def _nothing(observer: Observer, time: FloatArray, taken: Records) -> Observed:

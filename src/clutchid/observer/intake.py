@@ -77,8 +77,9 @@ class Intake:
         Sum of its positions, `count` of them, and the lowest mean so far.
     rises
         1 where a mean has risen.
-    jumped, unzeroed
-        1 after the position has jumped and stayed, and until a vented rest has shown its zero since.
+    jumped, unzeroed, zeroed
+        1 after the position has jumped and stayed, and until a vented rest has shown its zero since; and how many
+        strokes have ended from then on.
     supply, supply_of_few, supply_unlike
         Mean deviation of the recorded supply pressure from that of the calibration, NaN before the first, and that of
         the last few samples; 1 where they are too large.
@@ -108,6 +109,7 @@ class Intake:
     rises: int
     jumped: int
     unzeroed: int
+    zeroed: float
     supply: float
     supply_of_few: float
     supply_unlike: int

@@ -59,7 +59,7 @@ def judge_position(intake: Intake, watch: Watch, bounds: ValueLimits, raw: Input
     t = float(intake.clock) * RESOLUTION
     verdict = judge_next(watch, bounds, t, raw.position, raw.duty_supply, raw.duty_exhaust)
     if verdict == rule.SEAM and watch.step - watch.began >= rule.BELIEVED:
-        intake.jumped, intake.unzeroed = 1, 1
+        intake.jumped, intake.unzeroed, intake.zeroed = 1, 1, 0.0
     return verdict
 
 
@@ -190,6 +190,15 @@ def watch_closed(intake: Intake, sample: Sample, since: Count) -> None:
 
 
 @kernel
+def forget_jump(intake: Intake, before: RestBefore) -> None:
+    """Forget that the position has jumped, as strokes have ended since a vented rest has shown the zero in use."""
+    if intake.jumped == 1 and intake.unzeroed == 0 and before.subtracted == 1:
+        intake.zeroed += 1.0
+        if intake.zeroed >= bits.HEALED:
+            intake.jumped, intake.zeroed = 0, 0.0
+
+
+@kernel
 def missing_before(limits: IntakeLimits, since: Count) -> Count:
     """Samples that are missing in a hole of `since` us, 0 without one."""
     if since <= limits.hole:
@@ -269,6 +278,8 @@ def take_in(
         watch_closed(intake, sample, since)
         sample.flags = faults_of(sample, intake, limits)
         sample.ends = 1 if count_stroke(stroke, sample.position, since) else 0
+        if sample.ends == 1:
+            forget_jump(intake, before)
         follows, supply, exhaust = sample.driven == 1 and before.exists == 1, sample.duty_supply, sample.duty_exhaust
         if follows and watch_rest(rest, before, bin, medians, sample.measured, supply, exhaust):
             intake.unzeroed = 0

@@ -3,15 +3,23 @@
 The normalised innovation squared (NIS) of a filter that takes ten times the variance of its sensor is far below 1, and
 differs from truck to truck, so it is compared with that of the calibration recordings. It says that the model does not
 hold, as with a leak or the calibration of another truck; a load that is off because the supply has changed does not
-show in it.
+show in it. Innovations of a stroke with a fault of the signals say nothing of the calibration: they count until strokes
+have ended without one, and are not stored.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import new_record
 from clutchid.log import FloatArray
-from clutchid.observer.configuration import Observer
+from clutchid.observer.flags import HEALED
+
+if TYPE_CHECKING:
+    from clutchid.observer.configuration import Observer
 
 #: Corrections in motion that the running mean remembers: 10 s of motion at one every 10 ms.
 MEMORY = 1000
@@ -21,32 +29,38 @@ MEMORY = 1000
 MISMATCHED = 2.0
 
 
+class Mismatch:
+    """Running means of the NIS over that in the calibration recordings.
+
+    Attributes
+    ----------
+    running
+        Of all strokes.
+    sound, kept
+        Without strokes with a fault of the signals: at present, and at the end of the last such stroke.
+    faulty, strokes
+        1 after a fault in the present stroke, and how many have ended without one since.
+    """
+
+    running: float
+    sound: float
+    kept: float
+    faulty: int
+    strokes: float
+
+
+def mismatch_from(mean: float) -> Mismatch:
+    """The means from one of strokes without a fault."""
+    return new_record(Mismatch, running=mean, sound=mean, kept=mean, strokes=HEALED)
+
+
 def normalised(observer: Observer, states: FloatArray, innovations: FloatArray) -> FloatArray:
     """Innovation squared over its variance at each correction while the piston moves, NaN at other samples, (n,).
 
     An outlier counts as one at the gate.
     """
-    speed = np.abs(states[:, observer.actuator.states.index("v")])
-    gate = float(observer.joint.noise.outlier) ** 2
-    squared = np.minimum(innovations[:, 0] ** 2 / innovations[:, 1], gate)
-    return np.where(speed > observer.joint.settings.least_speed, squared, np.nan)
-
-
-def mismatches(observer: Observer, before: float, states: FloatArray, innovations: FloatArray) -> FloatArray:
-    """Running mean of the NIS over that in the calibration recordings, NaN at samples that do not move it, shape (n,).
-
-    Parameters
-    ----------
-    before : 1
-        The running mean before the first sample.
-    states, innovations
-        As in `Observed`.
-    """
-    running = np.full(len(states), np.nan)
-    nis = normalised(observer, states, innovations) / observer.usual
-    share = 1.0 / MEMORY
-    at = np.flatnonzero(np.isfinite(nis))
-    for i, ratio in zip(at.tolist(), nis[at].tolist(), strict=True):
-        before += share * (ratio - before)
-        running[i] = before
-    return running
+    velocity, squares = states[:, observer.actuator.states.index("v")], np.empty(len(states))
+    kernels_in("clutchid.observer.mismatch_rule").normalised_squares(
+        innovations, velocity, observer.joint.settings.least_speed, observer.joint.noise.outlier, squares
+    )
+    return squares

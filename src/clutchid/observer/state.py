@@ -12,6 +12,7 @@ from clutchid.log import BoolArray, FloatArray, IntArray, all_of
 from clutchid.model.actuator import Actuator
 from clutchid.observer.flags import HEALED, Faults
 from clutchid.observer.intake import Intake
+from clutchid.observer.mismatch import Mismatch, mismatch_from
 from clutchid.observer.rest import Rest
 from clutchid.simulation.inputs import with_carrier
 from clutchid.simulation.plan import Segment
@@ -125,7 +126,7 @@ class Sound(NamedTuple):
 
 
 #: Before the first sample.
-NO_FAULTS = new_record(Faults, strokes=HEALED)
+NO_FAULTS, AS_CALIBRATED = new_record(Faults, strokes=HEALED), mismatch_from(1.0)
 
 
 class ObserverState(NamedTuple):
@@ -136,12 +137,12 @@ class ObserverState(NamedTuple):
     for strokes that have ended, see `FilterState`; `filter` is None before the first sample of a stretch. `deviations`
     (states,) are those of the last correction, NaN before it. `number` counts the samples of the stretch, and `partial`
     says whether it began within the stroke that goes on, which then teaches nothing. `sound` is what was known at the
-    end of the last of `strokes`, to which the observer goes back if it diverges; `mismatch` is the present mean of the
-    NIS over the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke;
-    `zero` is what is subtracted from the position in m; `latest` is the time in s of the last sample; `excess` is the
-    sum of the innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the
-    inputs, NaN if they have not; `faults` are those of late; `temperature` is that of the air in K that the model is
-    at, 0 where none is known, and `air_known` says whether it is not lost; `inputs` are what is known of the samples.
+    end of the last of `strokes`, to which the observer goes back if it diverges; `nis` are the means of the NIS over
+    the usual one, see `mismatch`; `leaking` says whether chamber A leaked at the end of the last stroke; `zero` is what
+    is subtracted from the position in m; `latest` is the time in s of the last sample; `excess` is the sum of the
+    innovations' excess in s, and `contradicted` is the time in s at which innovations last contradicted the inputs, NaN
+    if they have not; `faults` are those of late; `temperature` is that of the air in K that the model is at, 0 where
+    none is known, and `air_known` says whether it is not lost; `inputs` are what is known of the samples.
     """
 
     filter: FilterState | None
@@ -156,7 +157,7 @@ class ObserverState(NamedTuple):
     number: int = 0
     partial: bool = False
     strokes: int = 0
-    mismatch: float = 1.0
+    nis: Mismatch = AS_CALIBRATED
     leaking: bool = False
     zero: float = 0.0
     latest: float = float("nan")
@@ -165,6 +166,11 @@ class ObserverState(NamedTuple):
     faults: Faults = NO_FAULTS
     temperature: float = 0.0
     air_known: bool = False
+
+    @property
+    def mismatch(self) -> float:
+        """Mean of the NIS over that in the calibration recordings."""
+        return float(self.nis.running)
 
     @property
     def rest_shift(self) -> float:

@@ -24,7 +24,7 @@ from clutchid.observer.rest import LOW, REMEMBERED
 from clutchid.observer.state import ObserverState
 from clutchid.strokes.rest_shift import FURTHEST
 
-FORMAT = 18
+FORMAT = 19
 
 #: Entries of the section ``[parameters]``, and the fields of a state that they are.
 _PARAMETERS = {"theta": "theta", "root": "T", "considered": "G", "wear": "wear"}
@@ -225,11 +225,12 @@ def _problems(state: ObserverState) -> Iterator[str]:
             or not (intake.air == 0.0 or AIR[0] <= intake.air <= AIR[1]),
         "a mark is neither 0 nor 1": any(mark not in (0, 1) for mark in (
             intake.sampled, intake.driven, intake.held, intake.jumped, intake.unzeroed, intake.supply_unlike,
-            intake.supply_recorded, intake.air_refused, stroke.within, rest.excursion, rest.taken,
+            intake.supply_recorded, intake.air_refused, stroke.within, rest.excursion, rest.taken, state.nis.faulty,
         )),
         "more of a vented rest is remembered than can be":
             rest.n_returned > REMEMBERED or rest.n_bin >= windows[0].size or rest.n_medians >= windows[1].size,
-        f"mismatch {state.mismatch:g} is not of at least 0": not 0.0 <= state.mismatch < np.inf,
+        f"mismatch {state.mismatch:g} is not of at least 0":
+            not all(0.0 <= mean < np.inf for mean in (state.nis.running, state.nis.sound, state.nis.kept)),
         f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
             not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
