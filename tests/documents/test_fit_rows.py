@@ -67,9 +67,9 @@ def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is
     fit = replace(with_baseline(fitted), assumed=assumed, load_per_supply=0.73)
     supply, air = rows_of(fit, "assumed")
     assert supply == (
-        "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; beyond that the band does not hold, and "
-        "position alone cannot show it; 1 % of it moves this load by 0.7 %: record "
-        "pressure_supply in both, to halve the band"
+        "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; outside that range the band is wrong, "
+        "which the position alone cannot show; a supply 1 % higher changes this load by 0.7 %. Record "
+        "pressure_supply here and in the calibration: the band is then half as wide"
     )
     assert fit_json(fit)["load_per_supply"] == 0.73
     assert rows_of(replace(fit, load_per_supply=None), "assumed")[0] == supply.partition(";")[0]

@@ -75,8 +75,11 @@ def _assumed(assumption: Assumption, per_supply: float | None, of: int) -> str:
     text += f"{' in the calibration' if assumption.recorded else where}: as calibrated, {value}"
     if not supply or per_supply is None:
         return text
-    text += "; beyond that the band does not hold, and position alone cannot show it"
-    return f"{text}; 1 % of it moves this load by {per_supply:.1f} %: record pressure_supply in both, to halve the band"
+    text += "; outside that range the band is wrong, which the position alone cannot show"
+    return (
+        f"{text}; a supply 1 % higher changes this load by {per_supply:.1f} %. Record pressure_supply here and in the "
+        "calibration: the band is then half as wide"
+    )
 
 
 def change_sentences(fit: Fit) -> list[str]:
@@ -87,8 +90,8 @@ def change_sentences(fit: Fit) -> list[str]:
     if fit.changes and states_of_wear(fit) is not None:
         groups = in_words(list(dict.fromkeys(change.group for change in fit.changes)))
         return [
-            f"with one load for several states of wear the difference between them was explained by {groups}: that is "
-            "no change; those of the readings one by one are."
+            f"one load cannot fit several states of wear, and the difference went into {groups}: that is no change of "
+            "the actuator; read the recordings one by one."
         ]
     return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
 

@@ -36,8 +36,9 @@ from clutchid.observer.state import (
 from clutchid.strokes.stroke import BEGINS, RESOLUTION
 from clutchid.strokes.values import Verdicts, outside
 
-#: Shares of ambient and supply pressure, and distance in m beyond the stops, outside of which a filter has diverged.
-PRESSURES, BEYOND_STOPS = (0.01, 10.0), 5e-3
+#: Shares of ambient and supply pressure, and distance in m beyond the stops, outside of which a filter has diverged: no
+#: load presses the air of a closed chamber to twice the supply, and a filter that began anew has said 2.5 times.
+PRESSURES, BEYOND_STOPS = (0.01, 2.0), 5e-3
 
 #: Standard deviation of the time that a valve is open besides its held duty cycle, as a share of the interval.
 #: Provenance: docs/derivations_online.md.

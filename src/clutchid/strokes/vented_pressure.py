@@ -63,7 +63,7 @@ SIGNIFICANT = 3.0
 
 
 #: Fault of a recording without a settled vented rest, and its remedy.
-UNSETTLED = "at no rest does the pressure settle with the chamber vented"
+UNSETTLED = "the pressure settles at no rest with the chamber vented"
 RECORD_REST = "record a second at rest with the exhaust valve open"
 
 

@@ -55,8 +55,9 @@ def test_parameters_far_from_the_calibration_are_those_of_another_truck(reading,
     assert judged.trust == trust
     if trust == "none":
         assert judged.reasons[0] == (
-            "the calibration CAL.toml seems to be of another truck: no change explains F_C 109 -> 185 N and R_1ve 0.93 "
-            "-> 0.9 (squared distance 32, that of a change is 15); take the calibration of this truck, or make one."
+            "the calibration CAL.toml seems to be of another truck: no change explains a move of F_C from 109 to 185 "
+            "N and R_1ve from 0.93 to 0.9 (a squared distance of 32; a change has about 15); use the calibration of "
+            "this truck, or make one."
         )
 
 

@@ -130,12 +130,12 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
     for change in fit.changes:
         if change.name == "C_A0" and change.after > _LEAKS:
             too_much = change.after > _LEAKS_TOO_MUCH
-            what = "too much for its load to be read" if too_much else "so much that its load may be wrong"
-            text = f"{change.recording}: chamber A, or what is connected to it, leaks {what} ({change.after:.1e} "
-            yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): mend the leak, then record again.", too_much)
+            what = "too much for the load to be read" if too_much else "so much that the load may be wrong"
+            text = f"{change.recording}: chamber A or its connections leak {what} ({change.after:.1e} "
+            yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): repair the leak and record again.", too_much)
     if not error <= GOOD_ERROR:
         text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has "
-        text += "changed is not certain enough. Record the supply pressure, record longer, or give what is known with "
+        text += "changed is too uncertain. Record the supply pressure, record longer, or state what you know with "
         text += "--prior."
         yield Reason(text, error > POOR_ERROR, banded=True)
 
@@ -151,8 +151,8 @@ def departure_reasons(fit: Fit) -> Iterator[Reason]:
         without = fit.alternatives.get(cause.name)
         load = f", and {loads_in_words(without)}" if without else ""
         yield Reason(
-            f"{cause.sentence}: without that the innovations are {cause.innovations:.1f} times those of the "
-            f"calibration, as recorded {as_recorded.innovations:.1f} times{load}; {cause.remedy}.",
+            f"{cause.sentence}: with that undone the innovations are {cause.innovations:.1f} times those of the "
+            f"calibration, as recorded they are {as_recorded.innovations:.1f} times{load}; {cause.remedy}.",
             True,
         )
         return
@@ -160,23 +160,25 @@ def departure_reasons(fit: Fit) -> Iterator[Reason]:
         return
     name, facts = _name_of(fit.baseline), []
     if nearer > FAR:
-        moved = [f"{m.name} {m.before:.3g} -> {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved]
+        moved = [
+            f"{m.name} from {m.before:.3g} to {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved
+        ]
         facts.append(
-            f"{in_words(moved)} (squared distance {departure.distance:.0f}, that of a change is "
+            f"a move of {in_words(moved)} (a squared distance of {departure.distance:.0f}; a change has about "
             f"{departure.expected:.0f})"
         )
     if departure.misfit > MISFIT:
-        facts.append(f"a second in motion costs {departure.misfit:.1f} times as much as in the calibration")
+        facts.append(f"residuals in motion with {departure.misfit:.1f} times the sum of squares of the calibration")
     compared = _compared(fit.causes)
     if departs(fit):
         yield Reason(
             f"the calibration {name} seems to be of another truck: no change explains {' and '.join(facts)}{compared}; "
-            "take the calibration of this truck, or make one.",
+            "use the calibration of this truck, or make one.",
             True,
         )
     else:
         yield Reason(
-            f"the recording is far from the calibration {name}: {' and '.join(facts)}{compared}; check its channels, "
+            f"the recording does not fit the calibration {name}: {' and '.join(facts)}{compared}; check its channels, "
             "and that the calibration is of this truck."
         )
 
@@ -201,9 +203,9 @@ def _compared(causes: Sequence[InputFault]) -> str:
         return ""
     best = min((cause for cause in causes if cause.sentence), key=lambda cause: cause.innovations)
     return (
-        "; of the inputs neither shift, filter, clock, gain nor inversion does (innovations "
-        f"{of_no_fault(causes).innovations:.1f} times those of the calibration, without the likeliest fault "
-        f"{best.innovations:.1f} times)"
+        "; neither a shift, filter, clock, gain nor inversion of the inputs explains it (innovations "
+        f"{of_no_fault(causes).innovations:.1f} times those of the calibration, and {best.innovations:.1f} times with "
+        "the likeliest fault undone)"
     )
 
 

@@ -373,7 +373,7 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
     ]
     chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
     shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
-    return f"candidates: {shown}" if shown else "no channel has a unit of it"
+    return f"candidates: {shown}" if shown else "no channel has a suitable unit"
 
 
 def _entry(source: Source, best: Candidate) -> Channel:

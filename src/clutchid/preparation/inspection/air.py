@@ -223,7 +223,7 @@ _RECORD = "record it here and in the calibration"
 _MISSING = {
     "pressure_supply": (
         "supply pressure not recorded: an estimate assumes that of its calibration within "
-        f"{100 * assumed_change('P_S'):.0f} %, and its band is twice as wide if it changed; {_RECORD} (J1939: AIR1)."
+        f"{100 * assumed_change('P_S'):.0f} %, which doubles the width of its band; {_RECORD} (J1939: AIR1)."
     ),
     "temperature_ambient": (
         "air temperature not recorded: an estimate assumes that of its calibration "
