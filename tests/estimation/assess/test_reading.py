@@ -70,7 +70,7 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
     change = Change("drive", "C_A0", 0.0, leak, 4e-12, "m³/(Pa·s)", 1.0, "leak")
     judged = verdict(replace(reading, changes=(change,)))
     assert judged.trust == trust
-    assert [f"leaks {what}" in reason for reason in judged.reasons for what in ("so much", "too much")] == {
+    assert [f"leak {what}" in reason for reason in judged.reasons for what in ("so much", "too much")] == {
         "good": [], "with care": [True, False], "none": [False, True],
     }[trust]  # fmt: skip
 
@@ -79,7 +79,7 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
 def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, trust):
     judged = verdict(replace(reading, departure=NEAR._replace(misfit=ratio)))
     assert judged.trust == trust
-    assert [f"costs {ratio:.1f} times as much" in reason for reason in judged.reasons] == [True] * (trust != "good")
+    assert [f"with {ratio:.1f} times the sum of squares" in reason for reason in judged.reasons] == [True] * (trust != "good")
 
 
 @pytest.mark.parametrize(
