@@ -3,6 +3,7 @@
     python benchmarks/export.py [--trucks 24 | --numbers 3,5] [--families A,B] [--seconds 60] [--change warm]
         [--seed 2] [--wear 2]
     python benchmarks/export.py --costs [--method joint] [--calibration CAL.toml --log WORN.csv]
+    python benchmarks/export.py --prove A0,B1,h:3 --calibrations FOLDER
 
 Each truck is calibrated on 30 s with pressure and the conditions; then a clutch worn by 2 mm is followed from position
 alone by Python and by the C: in double, in float, and in float with two rates, of which the slow task runs after every
@@ -12,6 +13,9 @@ share of its standard deviation. Beside them the C in double, given a position w
 Costs are those in float of truck 0 of family A over 10 s of the worn clutch, or of a calibration and a recording:
 counted by an emulator (`arm-none-eabi-gcc`, `qemu-system-arm -icount`), in instructions, not cycles, not on hardware;
 beside them a bound by the loops of the C, see `instructions.py`.
+
+`--prove` writes the default export of calibrated trucks in float and in double, and runs its own tests, `make -C test`
+and `make -C test arm`. A line has what they print, and parity as the export says it.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from typing import NamedTuple
 import jinja2
 import numpy as np
 from instructions import program
+from online import calibrated
 
 import clutchid
 from clutchid.exports.c99 import CStyle, compiler, observer_c99, source_files
@@ -268,6 +273,28 @@ def print_costs(methods: Sequence[str], calibration: str | None, recording: str 
             )
 
 
+def print_proof(names: Sequence[str], calibrations: Path) -> None:
+    """A line an export with what its tests on this computer and on an emulated Cortex-M4 print."""
+    print("| truck | C | C against Python | `make -C test` | `make -C test arm` |\n|---|---|---|---|---|")
+    for name in names:
+        kind = truck(0, name) if name.startswith("h:") else truck(int(name[1:]), name[0])
+        path = calibrations / f"{name.replace(':', '')}_seed1.toml"
+        content = calibrated(kind, 1, path, conditions=True)
+        for real in ("float", "double"):
+            with tempfile.TemporaryDirectory() as folder:
+                export = clutchid.export(content, folder, real=real)
+                tests = [_tested(Path(folder) / "test", target) for target in ("host", "arm")]
+            ways = f"{'alike' if export.holds else 'differs'}, {export.parity.pressure:.2g} Pa rms"
+            print(f"| {name} | {real} | {ways} | {' | '.join(tests)} |", flush=True)
+
+
+def _tested(folder: Path, target: str) -> str:
+    """Lines that the test of an export prints, and its exit status where it is not 0."""
+    made = subprocess.run(["make", "-C", folder, target], capture_output=True, encoding="utf-8", check=False)
+    lines = re.findall(r"^(?:parity|requirements|R\d+): .*$", made.stdout, re.MULTILINE)
+    return "; ".join([*lines, *([f"exit status {made.returncode}"] if made.returncode else [])])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trucks", type=int, default=24)
@@ -281,7 +308,12 @@ def main() -> None:
     parser.add_argument("--method", action="append", choices=tuple(METHODS), help="of the costs; default: joint")
     parser.add_argument("--calibration")
     parser.add_argument("--log")
+    parser.add_argument("--prove", default="", help="trucks whose exports run their own tests")
+    parser.add_argument("--calibrations", type=Path, help="folder in which their calibrations are kept")
     options = parser.parse_args()
+    if options.prove:
+        print_proof(options.prove.split(","), options.calibrations)
+        return
     if options.costs:
         print_costs(options.method or ["joint"], options.calibration, options.log)
         return

@@ -34,8 +34,8 @@ DOCS = ROOT / "docs"
 NAVIGATION = {
     "Start": ["install", "first_hour", "recordings", "result", "trouble", "faq", "glossary"],
     "Guides": [
-        "choosing", "excitation", "sampling", "calibrate_read_compare", "from_matlab", "control_unit", "actuators",
-        "own_models", "truck",
+        "choosing", "excitation", "sampling", "calibrate_read_compare", "from_matlab", "control_unit", "assumptions",
+        "actuators", "own_models", "truck",
     ],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],

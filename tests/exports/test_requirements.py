@@ -1,4 +1,4 @@
-"""What the observer promises: each number of docs/control_unit.md has its checks in the test of an export."""
+"""Requirements of an export: each has its check and its code, and every page shows the same list."""
 
 import re
 import subprocess
@@ -7,27 +7,24 @@ from pathlib import Path
 import pytest
 
 from clutchid.exports.c99 import CStyle
-from clutchid.exports.requirements import requirement_files
+from clutchid.exports.requirements import REQUIREMENTS, requirement_files, requirement_table
 from clutchid.model import Actuator
 from clutchid.observer import observer
 from fixtures.export_c import write_sources
 from fixtures.programs import path_of
 
-PAGE = Path(__file__).parents[2] / "docs" / "control_unit.md"
+PAGE = Path(__file__).parents[2] / "docs" / "assumptions.md"
 
 
-def promised(page: str) -> list[tuple[str, str]]:
-    return re.findall(r"^\| (R\d+) \| (.*) \|$", page, re.MULTILINE)
-
-
-def test_every_requirement_has_its_checks_and_no_check_is_without_one():
-    source = requirement_files(observer(Actuator()), CStyle(rates="two"))["test/requirements.c"]
-    rows = promised(PAGE.read_text())
-    assert rows
-    assert rows == re.findall(r"/\* (R\d+): (.*?) \*/", source)
-    called = re.search(r"checks\[\]\)\(void\) = \{(.*?)\}", source)
-    assert called
-    assert [number.lower() for number, _ in rows] == called[1].replace(" ", "").split(",")
+def test_every_requirement_has_its_check_and_its_code_and_the_page_shows_them(tmp_path):
+    observed, style = observer(Actuator()), CStyle(rates="two")
+    checks = requirement_files(observed, style)["test/requirements.c"]
+    assert re.findall(r'\{ "(R\d+)", r(\d+) \}', checks) == [(number, number[1:]) for number in REQUIREMENTS]
+    write_sources(observed, style, tmp_path / "src")
+    source = (tmp_path / "src" / "clutch.c").read_text()
+    functions = " ".join(row.code for row in REQUIREMENTS.values()).replace("NAME", "clutch").split()
+    assert [code for code in functions if not re.search(rf"^\w[\w *]*\b{code}\(.*\)$", source, re.MULTILINE)] == []
+    assert requirement_table("NAME") in PAGE.read_text()
 
 
 def program(folder: Path, style: CStyle, change=lambda path, text: text, method="joint") -> subprocess.CompletedProcess:
@@ -71,5 +68,5 @@ def test_a_promise_that_is_broken_is_named_by_its_number(text, instead, number, 
         return source.replace(text, instead) if name == "unit.c" else source
 
     run = program(tmp_path, CStyle("unit", "double"), change)
-    assert run.stdout.startswith(f"{number}: failed\n")
+    assert run.stdout.startswith(f"{number}: failed, requirements.c:")
     assert run.returncode == 1

@@ -15,9 +15,9 @@ from clutchid.exports.data import provenance
 from clutchid.exports.fmu import FMUS, Fmu, missing_parts, model_fmu, observer_fmu
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
-from clutchid.exports.misra import CHECKER, DEVIATIONS
+from clutchid.exports.misra import CHECKER, FINDINGS
 from clutchid.exports.parity import Parity, begins_us, parity, replay, replay_source, samples_of, trial_drive
-from clutchid.exports.requirements import requirement_files
+from clutchid.exports.requirements import requirement_files, requirement_table
 from clutchid.exports.target import example_files, vectors
 from clutchid.files import make_folder, not_an_address, write_bytes
 from clutchid.log import Log, sample_interval
@@ -199,7 +199,7 @@ def write_export(
     values = {
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parities": parities, "cause": cause, "notes": notes,
-        "deviations": DEVIATIONS, "checker": CHECKER,
+        "findings": FINDINGS, "checker": CHECKER, "requirements": requirement_table(style.name),
     }  # fmt: skip
     files |= {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     for name, text in files.items():

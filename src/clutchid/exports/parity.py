@@ -124,8 +124,8 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     return fresh._replace(leaking=observer.leaks(fresh))
 
 
-def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5) -> Log:
-    """Duty cycles and position of a drive of 4 s with strokes, as the calibrated actuator makes it, in SI.
+def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5, seconds: float = 4.0) -> Log:
+    """Duty cycles and position of a drive with strokes, as the calibrated actuator makes it, in SI.
 
     A stroke takes a period in s; the exhaust valve is open for the time `vents` in s.
     """
@@ -133,7 +133,7 @@ def trial_drive(observer: Observer, period: float = 1.3, vents: float = 0.5) -> 
     from clutchid.simulation.sensors import lagged
 
     actuator, spacing = observer.actuator, observer.spacing
-    time: FloatArray = spacing * np.arange(round(4.0 / spacing), dtype=np.float64)
+    time: FloatArray = spacing * np.arange(round(seconds / spacing), dtype=np.float64)
     within = time % period
     duties = {
         "duty_supply": np.where((within > 0.1) & (within < 0.35), 1.0, 0.0),

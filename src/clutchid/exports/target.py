@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from clutchid.codegen.templates import template
-from clutchid.exports.c99 import CStyle, c_number
+from clutchid.exports.c99 import CStyle
+from clutchid.exports.misra import CHECKER
 from clutchid.exports.outputs import OUTPUTS
 from clutchid.log import FloatArray
 
@@ -36,13 +37,9 @@ def example_files(style: CStyle) -> dict[str, str]:
     ``test/vectors.h``, see `vectors`.
     """
     values = {
-        **style.values,
-        "spacing_us": SPACING,
-        "clock_hz": _CLOCK,
-        "values": OUTPUTS,
-        "fast": FAST_FLAGS,
-        "small": SMALL,
-    }
+        **style.values, "spacing_us": SPACING, "clock_hz": _CLOCK, "values": OUTPUTS, "fast": FAST_FLAGS,
+        "small": SMALL, "checker": CHECKER[1],
+    }  # fmt: skip
     names = {
         "example/main.c": "example.c",
         "example/Makefile": "example.mk",
@@ -66,19 +63,12 @@ def vectors(samples: FloatArray, outputs: FloatArray, style: CStyle, begins_us: 
     begins_us : us
         Time since a period of the valves' carrier began at the first sample.
     """
-    number = c_number(style.real)
-    inputs = [f"    {{{', '.join(map(number, row[:4]))}}}," for row in samples]
-    units = [output.unit for output in OUTPUTS.values()]
-    rows = [
-        f"    {{{', '.join(number(v) if unit else f'{int(v)}u' for v, unit in zip(row, units, strict=True))}}},"
-        for row in outputs
-    ]
     values = {
         **style.values,
-        "inputs": "\n".join(inputs),
-        "outputs": "\n".join(rows),
-        "since_us": ", ".join(f"{int(row[-1])}u" for row in samples),
-        "tolerances": ", ".join(map(number, _tolerances(outputs, style))),
+        "samples": samples.tolist(),
+        "outputs": [dict(zip(OUTPUTS, row, strict=True)) for row in outputs.tolist()],
+        "units": OUTPUTS,
+        "tolerances": _tolerances(outputs, style).tolist(),
         "begins_us": begins_us,
     }
     return template("vectors.h.j2", "clutchid.exports").render(values)
