@@ -79,7 +79,8 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
 def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, trust):
     judged = verdict(replace(reading, departure=NEAR._replace(misfit=ratio)))
     assert judged.trust == trust
-    assert [f"with {ratio:.1f} times the sum of squares" in reason for reason in judged.reasons] == [True] * (trust != "good")
+    said = f"residuals in motion with {ratio:.1f} times the sum of squares"
+    assert [said in reason for reason in judged.reasons] == [True] * (trust != "good")
 
 
 @pytest.mark.parametrize(
