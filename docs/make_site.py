@@ -22,8 +22,8 @@ from os.path import relpath
 from pathlib import Path
 
 from api_pages import api_pages
-from make_equations import parameter_tables
 from make_gallery import gallery
+from printed import options, parameters, with_printed
 
 import clutchid
 
@@ -127,7 +127,9 @@ def stage(folder: Path, with_gallery: bool) -> None:
     if with_gallery:
         gallery(folder / "gallery")
     for page, place in [*places.items()]:
-        text = site_text(page, places, folder)
+        text = with_printed(site_text(page, places, folder))
+        if place.startswith("commands/"):
+            text = text.replace("## Exit codes", f"## Options\n\n{options(page.stem)}\n\n## Exit codes")
         if place == "index.md":
             text += navigation([*places.values(), *(["gallery/index.md"] if with_gallery else [])])
         if place == "equations.md":
@@ -135,7 +137,7 @@ def stage(folder: Path, with_gallery: bool) -> None:
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
         (folder / place).write_text(text, encoding="utf-8")
     (folder / "api").mkdir()
-    for name, text in api_pages(parameter_tables().replace("](", "](../")).items():
+    for name, text in api_pages(parameters()).items():
         (folder / "api" / name).write_text(text, encoding="utf-8")
 
 

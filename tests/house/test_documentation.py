@@ -8,7 +8,6 @@ import pytest
 
 from clutchid.cli import app
 from clutchid.estimation.assess.verdict import NOISE_ONLY, PAPER_HELD, PAPER_OFF
-from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
 from clutchid.parameters import GROUPS, Parameters
 
@@ -21,6 +20,13 @@ def script(name):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture
+def printed(monkeypatch):
+    """The script that prints parts of pages."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    return script("printed")
 
 
 @pytest.fixture(scope="module")
@@ -86,29 +92,14 @@ def test_every_python_file_that_the_documentation_names_exists():
     assert [f"{page}: {path}" for page, path in named if not any((place / path).exists() for place in places)] == []
 
 
-def test_the_page_of_derivations_has_the_noise_of_the_states_that_the_code_has():
-    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
-    rows = [
-        f"| `{name}`, {s.meaning} | {s.noise:g} {s.unit} | {s.start:g} {s.unit} | {s.unknown_start:g} {s.unit} |"
-        for name, s in STATES.items()
-    ]
-    assert [row for row in rows if row not in text] == []
-
-
-def test_the_page_of_derivations_has_the_changes_that_the_code_looks_for():
-    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
-
-    rows = Parameters.rows()
-
-    def shown(name, std):
-        return f"{100 * std:.4g} %" if rows[name].in_shares else f"{std:g}"
-
-    wanted = [
-        f"| {group} | " + ", ".join(f"`{name}` {shown(name, std)}" for name, std in direction.items()) + " |"
-        for group in GROUPS
-        for direction in directions(rows, group)
-    ]
-    assert [row for row in wanted if row not in text] == []
+def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_facts(printed):
+    marks = [mark for page in (ROOT / "docs").rglob("*.md") for mark in printed.MARK.findall(page.read_text("utf-8"))]
+    assert set(marks) == set(printed.PRINTED)
+    for part, names in (("states", STATES), ("parameters", Parameters.rows()), ("priors", Parameters.rows())):
+        assert re.findall(r"^\| `(\w+)`", printed.with_printed(f"<!-- printed {part} -->"), re.MULTILINE) == [*names]
+    groups = re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)
+    assert set(groups) == set(GROUPS)
+    assert "| `--start` | Calibration (TOML) that" in printed.options("look")
 
 
 def test_the_command_that_ci_runs_is_in_the_readme():
