@@ -32,11 +32,8 @@ DOCS = ROOT / "docs"
 
 #: The navigation: captions and pages. A page of docs/ that is in none of them is put under the last.
 NAVIGATION = {
-    "Start": ["install", "first_hour", "recordings", "result", "trouble", "faq", "glossary"],
-    "Guides": [
-        "choosing", "excitation", "sampling", "calibrate_read_compare", "from_matlab", "control_unit", "actuators",
-        "own_models", "truck",
-    ],
+    "Start": ["install", "first_hour", "recordings", "excitation", "result", "trouble", "glossary"],
+    "Guides": ["calibrate_read_compare", "from_matlab", "control_unit", "actuators", "own_models", "truck"],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
