@@ -39,9 +39,9 @@ def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations
 
 
-def test_the_page_of_architecture_has_the_rooms_of_the_import_contract():
+def test_the_page_of_architecture_has_the_packages_of_the_import_contract():
     made = script("make_architecture")
-    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.rooms()
+    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.packages()
 
 
 def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
