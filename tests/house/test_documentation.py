@@ -1,6 +1,7 @@
 """What the documentation says is what the code does."""
 
 import importlib.util
+import pydoc
 import re
 from pathlib import Path
 
@@ -83,13 +84,38 @@ def test_the_start_page_names_every_verb_of_the_command_line():
     assert [verb for verb in verbs if f"| [{verb}](commands/{verb}.md) |" not in page] == []
 
 
-def test_every_python_file_that_the_documentation_names_exists():
-    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
-    spans = [(page, span) for page in pages for span in re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8"))]
-    named = [(page.name, path) for page, span in spans for path in re.findall(r"[\w./-]+\.py\b", span)]
-    assert len(named) > 20
-    places = (ROOT, ROOT / "src" / "clutchid")
-    assert [f"{page}: {path}" for page, path in named if not any((place / path).exists() for place in places)] == []
+#: Pages whose names a reader looks up in the repository.
+PROSE = {
+    page.relative_to(ROOT).as_posix(): re.sub(
+        r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md"))
+}
+PLACES = (ROOT, ROOT / "src" / "clutchid", ROOT / "docs")
+
+
+def named(pattern):
+    """What a pattern finds in the code spans of prose, with the page."""
+    spans = ((page, span) for page, text in PROSE.items() for span in re.findall(r"`([^`\n]+)`", text))
+    return [(page, name) for page, span in spans for name in re.findall(pattern, span)]
+
+
+def test_every_path_in_prose_exists():
+    paths = named(r"(?<![\w./-])(?:(?:src|tests|docs|benchmarks)/[\w./-]*\w|[\w/-]+\.py\b)|^(?:[a-z_]+/){2,}$")
+    assert len(paths) > 200
+    lost = {path for _, path in paths if not any((place / path).exists() for place in PLACES)}
+    assert {path for path in lost if not [*(ROOT / "tests").rglob(path)]} == set()
+
+
+def test_every_name_in_prose_exists():
+    modules = named(r"(?<![\w/-])clutchid(?:\.[a-z]\w*)+(?:\.[A-Z]\w*)?")
+    struct = {"docs/from_matlab.md", "docs/formats.md"}  # pages with the fields of MATLAB's struct `clutchid`
+    assert [name for page, name in modules if page not in struct and pydoc.locate(name) is None] == []
+    pairs = {pair for text in PROSE.values() for pair in re.findall(r"`(\w+)`\s(?:in|of)\s`([\w/]+\.py)`", text)}
+    files = {file: next(place / file for place in PLACES if (place / file).exists()) for _, file in pairs}
+    assert [pair for pair in pairs if not re.search(rf"\b{pair[0]}\b", files[pair[1]].read_text("utf-8"))] == []
+    packages = {name for text in PROSE.values() for name in re.findall(r"[Pp]ackages?\s`([a-z_]+)`", text)}
+    assert [name for name in packages if not (PLACES[1] / name).is_dir()] == []
 
 
 def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_facts(printed):
@@ -97,8 +123,7 @@ def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_fact
     assert set(marks) == set(printed.PRINTED)
     for part, names in (("states", STATES), ("parameters", Parameters.rows()), ("priors", Parameters.rows())):
         assert re.findall(r"^\| `(\w+)`", printed.with_printed(f"<!-- printed {part} -->"), re.MULTILINE) == [*names]
-    groups = re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)
-    assert set(groups) == set(GROUPS)
+    assert set(re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)) == set(GROUPS)
     assert "| `--start` | Calibration (TOML) that" in printed.options("look")
 
 
