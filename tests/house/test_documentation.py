@@ -86,9 +86,7 @@ def test_the_start_page_names_every_verb_of_the_command_line():
 
 #: Pages whose names a reader looks up in the repository.
 PROSE = {
-    page.relative_to(ROOT).as_posix(): re.sub(
-        r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE
-    )
+    page: re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
     for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md"))
 }
 PLACES = (ROOT, ROOT / "src" / "clutchid", ROOT / "docs")
@@ -109,8 +107,8 @@ def test_every_path_in_prose_exists():
 
 def test_every_name_in_prose_exists():
     modules = named(r"(?<![\w/-])clutchid(?:\.[a-z]\w*)+(?:\.[A-Z]\w*)?")
-    struct = {"docs/from_matlab.md", "docs/formats.md"}  # pages with the fields of MATLAB's struct `clutchid`
-    assert [name for page, name in modules if page not in struct and pydoc.locate(name) is None] == []
+    struct = {"from_matlab.md", "formats.md"}  # pages with the fields of MATLAB's struct `clutchid`
+    assert [name for page, name in modules if page.name not in struct and pydoc.locate(name) is None] == []
     pairs = {pair for text in PROSE.values() for pair in re.findall(r"`(\w+)`\s(?:in|of)\s`([\w/]+\.py)`", text)}
     files = {file: next(place / file for place in PLACES if (place / file).exists()) for _, file in pairs}
     assert [pair for pair in pairs if not re.search(rf"\b{pair[0]}\b", files[pair[1]].read_text("utf-8"))] == []
