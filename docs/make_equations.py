@@ -85,12 +85,7 @@ EQUATIONS = (
     ("(11)", "Opening of a valve", "opening:opening", "y_vx"),
     ("(12), (13)", "Breathing of chamber B", "valves:breathing_flow", "w_r"),
     ("(14)", "Load of the clutch", "weighted_load:Load", ""),
-    ("(15)", "Spline phi_1", "load:phi_1", "phi_1"),
-    ("(16)", "Spline phi_2", "load:phi_2", "phi_2"),
-    ("(17)", "Spline phi_3", "load:phi_3", "phi_3"),
-    ("(18) to (21)", "Coefficients of phi_1", "load:xi_1", "xi_1"),
-    ("(18) to (21)", "Coefficients of phi_2", "load:xi_2", "xi_2"),
-    ("(18) to (21)", "Coefficients of phi_3", "load:xi_3", "xi_3"),
+    ("(15) to (21)", "Splines of the load and their coefficients", "", ""),
     ("(23), (24)", "State equations", "isothermal:isothermal", ""),
     ("(25)", "Load at rest", "static:static_load", "f_l"),
     ("(26)", "Pressure at rest", "static:static_pressure", "p_A"),
@@ -110,12 +105,26 @@ EQUATIONS = (
     ("", "Governor of the supply", "supply:governor_rate", "p_G_dot"),
 )
 
+#: The paper's splines of the load, which the page leaves to the site.
+SPLINES = (
+    ("(15)", "Spline phi_1", "load:phi_1", "phi_1"),
+    ("(16)", "Spline phi_2", "load:phi_2", "phi_2"),
+    ("(17)", "Spline phi_3", "load:phi_3", "phi_3"),
+    ("(18) to (21)", "Coefficients of phi_1", "load:xi_1", "xi_1"),
+    ("(18) to (21)", "Coefficients of phi_2", "load:xi_2", "xi_2"),
+    ("(18) to (21)", "Coefficients of phi_3", "load:xi_3", "xi_3"),
+)
+
 #: Functions that an equation calls, and how the formula names them.
 NAMED = {"psi": "psi", "_printed_psi": "psi_printed", "iso_psi": "psi", "orifice_flow": "g"}
 
 #: Constants of the model that a formula names.
 CONSTANTS = {"P_N": "p_N", "T_N": "T_N"}
 
+
+LEFT_TO_SITE = """`python docs/printed.py splines` prints them from `model/load.py`; the site has them here.
+
+<!-- printed splines -->"""
 
 PARAMETERS = """## Parameters
 
@@ -152,9 +161,16 @@ def _equation(numbers: str, name: str, place: str, left: str) -> str:
     """One equation: a heading with its number and name, its function, and its formula."""
     module, _, function = place.partition(":")
     heading = f"### {numbers} {name}" if numbers else f"### {name}"
+    if not place:
+        return f"{heading}\n\n{LEFT_TO_SITE}"
     equation = getattr(import_module(f"clutchid.model.{module}"), function)
     formula = _printed(equation, left) if isfunction(equation) and left else _formula(equation)
     return f"{heading}\n\n`{function}` in `model/{module}.py`\n\n{_math(formula)}"
+
+
+def splines() -> str:
+    """The equations of `SPLINES`."""
+    return "\n\n".join(_equation(*row) for row in SPLINES)
 
 
 def _printed(function: Callable[..., Any], left: str) -> str:

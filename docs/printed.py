@@ -10,7 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 
-from make_equations import own_equations
+from make_equations import own_equations, splines
 
 from clutchid.cli import app
 from clutchid.inference.uncertainty.change_prior import directions
@@ -82,6 +82,7 @@ PRINTED: dict[str, Callable[[], str]] = {
     "priors": priors,
     "changes": changes,
     "states": states,
+    "splines": splines,
     "stribeck": lambda: own_equations("isothermal-stribeck"),
     "energy-balance": lambda: own_equations("energy-balance"),
 }
