@@ -21,9 +21,9 @@ from inspect import getsourcelines
 from os.path import relpath
 from pathlib import Path
 
+import printed
 from api_pages import api_pages
 from make_gallery import gallery
-from printed import options, parameters, with_printed
 
 import clutchid
 
@@ -124,9 +124,9 @@ def stage(folder: Path, with_gallery: bool) -> None:
     if with_gallery:
         gallery(folder / "gallery")
     for page, place in [*places.items()]:
-        text = with_printed(site_text(page, places, folder))
+        text = printed.with_printed(site_text(page, places, folder))
         if place.startswith("commands/"):
-            text = text.replace("## Exit codes", f"## Options\n\n{options(page.stem)}\n\n## Exit codes")
+            text = text.replace("## Exit codes", f"## Options\n\n{printed.options(page.stem)}\n\n## Exit codes")
         if place == "index.md":
             text += navigation([*places.values(), *(["gallery/index.md"] if with_gallery else [])])
         if place == "equations.md":
@@ -134,7 +134,7 @@ def stage(folder: Path, with_gallery: bool) -> None:
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
         (folder / place).write_text(text, encoding="utf-8")
     (folder / "api").mkdir()
-    for name, text in api_pages(parameters()).items():
+    for name, text in api_pages(printed.parameters()).items():
         (folder / "api" / name).write_text(text, encoding="utf-8")
 
 
