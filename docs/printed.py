@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 from make_equations import own_equations, splines
 
@@ -16,6 +17,8 @@ from clutchid.cli import app
 from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
 from clutchid.parameters import GROUPS, Parameters, Row
+
+EXAMPLES = Path(__file__).parent / "examples"
 
 #: A printed part in a page.
 MARK = re.compile(r"<!-- printed ([\w-]+) -->")
@@ -83,6 +86,7 @@ PRINTED: dict[str, Callable[[], str]] = {
     "changes": changes,
     "states": states,
     "splines": splines,
+    "maxwell-slip": lambda: f"```python\n{(EXAMPLES / 'maxwell_slip.py').read_text('utf-8')}```",
     "stribeck": lambda: own_equations("isothermal-stribeck"),
     "energy-balance": lambda: own_equations("energy-balance"),
 }
