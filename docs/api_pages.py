@@ -109,8 +109,8 @@ def page_name(name: str) -> str:
     return f"class_{name}" if inspect.isclass(getattr(clutchid, name, None)) else name
 
 
-def api_pages(parameter_tables: str) -> dict[str, str]:
-    """The pages by file name; `parameter_tables`, Markdown, go on the page of `Parameters`."""
+def api_pages(parameter_table: str) -> dict[str, str]:
+    """The pages by file name; `parameter_table`, Markdown, goes on the page of `Parameters`."""
     public = {page_name(name): _page(name, "clutchid", getattr(clutchid, name)) for name in clutchid.__all__}
     offered = {getattr(clutchid, name) for name in clutchid.__all__}
     held = [record for record in records() if record not in offered]
@@ -126,7 +126,7 @@ def api_pages(parameter_tables: str) -> dict[str, str]:
     # the others are found by links and by search: in the navigation of each page they would double the time of a build
     pages = {name: text if name in {*public, "index"} else f":orphan:\n\n{text}" for name, text in pages.items()}
     files = {f"{name}.rst": text for name, text in pages.items() if name != "class_Parameters"}
-    return files | {"class_Parameters.md": _parameters(parameter_tables)}
+    return files | {"class_Parameters.md": _parameters(parameter_table)}
 
 
 def _heading(text: str, under: str = "=") -> str:
@@ -145,11 +145,11 @@ def _page(name: str, module: str, item: object) -> str:
     return f"{heading}.. autoclass:: {module}.{name}{'()' * made_by_clutchid}\n{options}"
 
 
-def _parameters(tables: str) -> str:
+def _parameters(rows: str) -> str:
     """The page of `Parameters` as Markdown: without its signature of 62 numbers, but with its rows."""
     hidden = ", ".join(fields_of(clutchid.Parameters))
     text = f".. autoclass:: clutchid.Parameters()\n   :members:\n   :exclude-members: {hidden}\n"
-    return f"# Parameters\n\n```{{eval-rst}}\n.. currentmodule:: clutchid\n\n{text}```\n\n## The rows\n\n{tables}\n"
+    return f"# Parameters\n\n```{{eval-rst}}\n.. currentmodule:: clutchid\n\n{text}```\n\n## The rows\n\n{rows}\n"
 
 
 def _module(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Write the rooms of docs/architecture.md from contract and docstrings: ``python docs/make_architecture.py``."""
+"""Write the packages of docs/architecture.md from contract and docstrings: ``python docs/make_architecture.py``."""
 
 from __future__ import annotations
 
@@ -12,28 +12,27 @@ PAGE = ROOT / "docs" / "architecture.md"
 PACKAGE = ROOT / "src" / "clutchid"
 
 #: The part of the page that is made: from one comment to the other.
-PLACE = re.compile(r"(?<=<!-- rooms -->\n).*?(?=<!-- end of rooms -->)", re.DOTALL)
+PLACE = re.compile(r"(?<=<!-- packages -->\n).*?(?=<!-- end of packages -->)", re.DOTALL)
 
 
-def rooms() -> str:
-    """A row a room, top to bottom, with the first sentence of its docstring, and the other contracts below."""
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
-    layers = [[name.removeprefix("clutchid.") for name in layer.split(" | ")] for layer in contracts[0]["layers"]]
-    lines = ["| room | holds |", "|---|---|"]
+def packages() -> str:
+    """A row a package, top to bottom, with the first sentence of its docstring."""
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"][0]
+    layers = [[name.removeprefix("clutchid.") for name in layer.split(" | ")] for layer in contract["layers"]]
+    lines = ["| package | holds |", "|---|---|"]
     for layer in layers:
-        beside = f", beside `{layer[0]}`" if len(layer) > 1 else ""
-        for room in layer:
-            lines += [f"| `{room}`{beside if room != layer[0] else ''} | {sentence(PACKAGE / room)} |"]
-    names = [f"- {contract['name'][0].upper()}{contract['name'][1:]}." for contract in contracts]
-    return "\n".join([*lines, "", *names]) + "\n"
+        for name in layer:
+            beside = f", beside `{layer[0]}`" if name != layer[0] else ""
+            lines += [f"| `{name}`{beside} | {sentence(PACKAGE / name)} |"]
+    return "\n".join(lines) + "\n"
 
 
-def sentence(room: Path) -> str:
+def sentence(package: Path) -> str:
     """The first sentence of the docstring of a package or module."""
-    file = room / "__init__.py" if room.is_dir() else room.with_suffix(".py")
+    file = package / "__init__.py" if package.is_dir() else package.with_suffix(".py")
     first = " ".join((ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").partition("\n\n")[0].split())
     return re.sub(r"`+([\w/]+)`+", r"`\1`", first.partition(". ")[0].removesuffix("."))
 
 
 if __name__ == "__main__":
-    PAGE.write_text(PLACE.sub(lambda _: rooms(), PAGE.read_text("utf-8")), encoding="utf-8")
+    PAGE.write_text(PLACE.sub(lambda _: packages(), PAGE.read_text("utf-8")), encoding="utf-8")

@@ -1,10 +1,9 @@
-"""Write docs/equations.md from the equations and the rows of the Appendix: ``python docs/make_equations.py``."""
+"""Write docs/equations.md from the equations: ``python docs/make_equations.py``."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from importlib import import_module
 from inspect import getdoc, isfunction, signature
 from pathlib import Path
@@ -14,39 +13,39 @@ from unittest.mock import patch
 import sympy as sp
 
 from clutchid.codegen.latex import expression_latex, latex_source, letters, right_hand_lines
+from clutchid.model import opening
 from clutchid.model.compiled import system
 from clutchid.model.opening import port_opening, spool_rate
-from clutchid.parameters import Parameters, Row
 
 PAGE = Path(__file__).parent / "equations.md"
 
 HEAD = """# The model
 
-Made from the code by `python docs/make_equations.py`; do not edit. The derivations, and every deviation from the print,
-are in the docstrings of `clutchid.model` and in [deviations.md](deviations.md). Purposes of the variants:
-[models.md](models.md). A whole model, with the parameters of each valve and chamber as it is compiled, is printed by
-`latex_source(system("isothermal"))` of `clutchid.codegen.latex` and `clutchid.model.compiled`.
+Printed from the code by `python docs/make_equations.py`; do not edit. Deviations from the print are listed in
+[deviations.md](deviations.md), the variants in [models.md](models.md). `latex_source(system("isothermal"))`, from
+`clutchid.codegen.latex` and `clutchid.model.compiled`, prints a whole model as it is compiled.
 
 ## Equation by equation
 
-The numbers are those of the paper, which has no (22). Each formula is printed from the function that it names, with the
-function's own arguments: units, ranges, sources and an example are in its docstring.
+Numbers are those of the paper, which has no (22). Each formula is printed from the function named above it, with that
+function's arguments; units, ranges, sources and an example are in its docstring.
 
 """
 
 STRIBECK = """## What `-stribeck` changes
 
-F_g takes the place of F_C in the rate of the deflection. Conditions inside an expression stand before it: the first of
-w_v is w_v^(1).
+F_g takes the place of F_C in the rate of the deflection, Eq. (3). `python docs/printed.py stribeck` prints the changed
+equations; the site has them here.
 
-"""
+<!-- printed stribeck -->"""
 
 BALANCE = """## What `energy-balance` changes
 
-p_A, p_B, T_A, T_B and p_S have the rates below; the flows know the temperature of the air before the orifice and the
-pressure in the reservoir. What is not listed is as in the paper's model.
+p_A, p_B, T_A, T_B and p_S have rates of their own; the flows depend on the temperature of the air before the orifice
+and on the pressure in the reservoir. The rest is as in the paper's model. `python docs/printed.py energy-balance`
+prints the whole; a condition inside an expression stands before it, so the first condition of w_v is w_v^(1).
 
-"""
+<!-- printed energy-balance -->"""
 
 PROPORTIONAL = """## What `-proportional` changes
 
@@ -54,14 +53,22 @@ The spool of each valve follows its duty cycle, and takes its place in Eq. (11);
 
 """
 
-SWITCHED = """With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve. The
-share a of a period that the valve is open is a line as in Eq. (11) but for short pulses, which lift the valve in part
-only, and short gaps, after which it has fallen by h only; b is that of the period before, whose pulse may outlast its
-period; s is the phase at which the valve opens, c the phase at the start of the sample, d the part of a period that the
-sample lasts.
+SWITCHED = """## The switched valve
+
+With a carrier (T_pwm above 0) the opening of a valve is the mean over a sample of the switched valve:
+
+- a: share of a period for which the valve is open, linear as in Eq. (11). A short pulse lifts the valve in part only,
+  and after a short gap it has fallen by h only.
+- b: that share in the period before, whose pulse may outlast its period.
+- s, c, d: phase at which the valve opens, phase at the start of the sample, length of the sample in periods.
 
 """
 
+
+#: Functions whose formulas make the mean opening of a switched valve.
+SWITCHED_LAWS = (
+    "pulse_share", "fall", "continued_share", "bridged_share", "passed_pulses", "switched_opening",
+)  # fmt: skip
 
 #: The paper's equations, then those that it lacks: number, name, function and left side. Without a left side the
 #: formula is that of the docstring, as of a sum over the weights or of a whole system.
@@ -78,12 +85,7 @@ EQUATIONS = (
     ("(11)", "Opening of a valve", "opening:opening", "y_vx"),
     ("(12), (13)", "Breathing of chamber B", "valves:breathing_flow", "w_r"),
     ("(14)", "Load of the clutch", "weighted_load:Load", ""),
-    ("(15)", "Spline phi_1", "load:phi_1", "phi_1"),
-    ("(16)", "Spline phi_2", "load:phi_2", "phi_2"),
-    ("(17)", "Spline phi_3", "load:phi_3", "phi_3"),
-    ("(18) to (21)", "Coefficients of phi_1", "load:xi_1", "xi_1"),
-    ("(18) to (21)", "Coefficients of phi_2", "load:xi_2", "xi_2"),
-    ("(18) to (21)", "Coefficients of phi_3", "load:xi_3", "xi_3"),
+    ("(15) to (21)", "Splines of the load and their coefficients", "", ""),
     ("(23), (24)", "State equations", "isothermal:isothermal", ""),
     ("(25)", "Load at rest", "static:static_load", "f_l"),
     ("(26)", "Pressure at rest", "static:static_pressure", "p_A"),
@@ -103,6 +105,16 @@ EQUATIONS = (
     ("", "Governor of the supply", "supply:governor_rate", "p_G_dot"),
 )
 
+#: The paper's splines of the load, which the page leaves to the site.
+SPLINES = (
+    ("(15)", "Spline phi_1", "load:phi_1", "phi_1"),
+    ("(16)", "Spline phi_2", "load:phi_2", "phi_2"),
+    ("(17)", "Spline phi_3", "load:phi_3", "phi_3"),
+    ("(18) to (21)", "Coefficients of phi_1", "load:xi_1", "xi_1"),
+    ("(18) to (21)", "Coefficients of phi_2", "load:xi_2", "xi_2"),
+    ("(18) to (21)", "Coefficients of phi_3", "load:xi_3", "xi_3"),
+)
+
 #: Functions that an equation calls, and how the formula names them.
 NAMED = {"psi": "psi", "_printed_psi": "psi_printed", "iso_psi": "psi", "orifice_flow": "g"}
 
@@ -110,48 +122,55 @@ NAMED = {"psi": "psi", "_printed_psi": "psi_printed", "iso_psi": "psi", "orifice
 CONSTANTS = {"P_N": "p_N", "T_N": "T_N"}
 
 
+LEFT_TO_SITE = """`python docs/printed.py splines` prints them from `model/load.py`; the site has them here.
+
+<!-- printed splines -->"""
+
 PARAMETERS = """## Parameters
 
-Sources "energy balance" and "Stribeck friction": [models.md](models.md#parameters)."""
+`python docs/printed.py parameters` prints the rows of `Parameters`; the site has them here. Sources "energy balance"
+and "Stribeck friction": [models.md](models.md#parameters).
 
-KNOWN = """## Priors, drift and changes of the parameters
+<!-- printed parameters -->
 
-Standard deviations, as shares of the value or in the unit of the parameter: of the prior in a new actuator, log-normal
-with a share, else normal; of the drift between two recordings where nothing has changed ("considered": it widens the
-interval, and is not estimated from position alone); and of a change with the parameters of its group. Then whether a
-calibration (`--free auto`) frees it, and whether it adapts in the observer: "yes" by its drift, else by the standard
-deviation of its change within hours. A calibration and the observer know y_max to 0.5 mm, a calibration P_0 to 100 Pa.
-Reasons: [priors](derivations.md#priors), [changes](derivations.md#changes-since-the-calibration)."""
+## Priors, drift and changes of the parameters
+
+`python docs/printed.py priors`. Standard deviations, as shares of the value or in the unit of the parameter:
+
+- **prior** in a new actuator, log-normal with a share, else normal;
+- **drift** between two recordings without a change; "considered" drift widens the interval and is not estimated from
+  position alone;
+- **changes** with the parameters of a group ([which](derivations.md#changes-since-the-calibration));
+- **freed** by `--free auto`; **adapts** in the observer, "yes" by its drift, else by the change within hours.
+
+A calibration and the observer know y_max to 0.5 mm, a calibration P_0 to 100 Pa.
+
+<!-- printed priors -->
+"""
 
 
 def page() -> str:
     """The text of the page."""
-    parts = [HEAD + "\n\n".join(_equation(*row) for row in EQUATIONS)]
-    parts.append(STRIBECK + _own("isothermal-stribeck"))
-    parts.append(BALANCE + _own("energy-balance"))
-    if len(system("energy-balance").inputs) > 2:
-        from clutchid.model.opening import (
-            bridged_share,
-            continued_share,
-            fall,
-            passed_pulses,
-            pulse_share,
-            switched_opening,
-        )
-
-        laws = (pulse_share, fall, continued_share, bridged_share, passed_pulses, switched_opening)
-        parts.append(SWITCHED + "\n\n".join(_math(_formula(law)) for law in laws))
+    parts = [HEAD + "\n\n".join(_equation(*row) for row in EQUATIONS), STRIBECK, BALANCE]
+    parts.append(SWITCHED + "\n\n".join(_math(_formula(getattr(opening, law))) for law in SWITCHED_LAWS))
     parts.append(PROPORTIONAL + "\n\n".join(_math(_formula(law)) for law in (spool_rate, port_opening)))
-    return "\n\n".join([*parts, PARAMETERS, _rows(), KNOWN, _known()]) + "\n"
+    return "\n\n".join([*parts, PARAMETERS])
 
 
 def _equation(numbers: str, name: str, place: str, left: str) -> str:
     """One equation: a heading with its number and name, its function, and its formula."""
     module, _, function = place.partition(":")
     heading = f"### {numbers} {name}" if numbers else f"### {name}"
+    if not place:
+        return f"{heading}\n\n{LEFT_TO_SITE}"
     equation = getattr(import_module(f"clutchid.model.{module}"), function)
     formula = _printed(equation, left) if isfunction(equation) and left else _formula(equation)
     return f"{heading}\n\n`{function}` in `model/{module}.py`\n\n{_math(formula)}"
+
+
+def splines() -> str:
+    """The equations of `SPLINES`."""
+    return "\n\n".join(_equation(*row) for row in SPLINES)
 
 
 def _printed(function: Callable[..., Any], left: str) -> str:
@@ -198,13 +217,8 @@ def _aligned(lines: Sequence[str]) -> str:
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
 
-def parameter_tables() -> str:
-    """The tables of the rows of `Parameters`, as Markdown."""
-    return f"{_rows()}\n\n{KNOWN}\n\n{_known()}"
-
-
-def _own(variant: str) -> str:
-    """The equations of `variant` that the paper's model does not have; the switched valve is told by its formula."""
+def own_equations(variant: str) -> str:
+    """The equations of `variant` that the paper's model does not have; the switched valve has its formula."""
     of_isothermal = set(_lines("isothermal"))
     lines = [line for line in _lines(variant) if line not in of_isothermal and not re.match(r"[abiy]_\{v[se]\}", line)]
     return _math("\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}")
@@ -223,40 +237,6 @@ def _formula(function: Callable[..., object]) -> str:
 
 def _math(text: str) -> str:
     return f"```math\n{text}\n```"
-
-
-def _rows() -> str:
-    rows = ["| name | value | unit | meaning | allowed | source |", "|---|---|---|---|---|---|"]
-    for item in fields(Parameters):
-        row = item.metadata["row"]
-        source = row.source.removesuffix(", docs/models.md")
-        cells = (f"`{item.name}`", f"{item.default:g}", row.unit, row.meaning, _allowed(row), source)
-        rows.append("| " + " | ".join(cells) + " |")
-    return "\n".join(rows)
-
-
-def _allowed(row: Row) -> str:
-    """Admissible values: from the least to the greatest."""
-    return re.sub(r"^at least (\S+) and at most ", r"\1 to ", row.allowed)
-
-
-def _known() -> str:
-    """The table of priors, changes and use."""
-    rows = ["| name | prior | drift | changes with a group | freed | adapts |", "|---|---|---|---|---|---|"]
-    for name, row in Parameters.rows().items():
-        changes = "; ".join(f"{change.group} {_std(change.std, row)}" for change in row.changes)
-        drift = f"{_std(row.drift.std, row)}{', considered' * row.drift.considered}" if row.drift else ""
-        freed = f"yes{f', valves {row.valves}' * bool(row.valves)}" if row.freed else ""
-        hours = row.adapts and row.adapts.std
-        adapts = _std(hours, row) if hours else "yes" * bool(row.adapts)
-        cells = (f"`{name}`", _std(row.spread.std, row) if row.spread else "", drift, changes, freed, adapts)
-        rows.append("| " + " | ".join(cells) + " |")
-    return "\n".join(rows)
-
-
-def _std(std: float, row: Row) -> str:
-    """A standard deviation of a row: a share, or a number in its unit."""
-    return f"{100 * std:.4g} %" if row.in_shares else f"{std:g}"
 
 
 if __name__ == "__main__":

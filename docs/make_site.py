@@ -21,8 +21,8 @@ from inspect import getsourcelines
 from os.path import relpath
 from pathlib import Path
 
+import printed
 from api_pages import api_pages
-from make_equations import parameter_tables
 from make_gallery import gallery
 
 import clutchid
@@ -32,11 +32,8 @@ DOCS = ROOT / "docs"
 
 #: The navigation: captions and pages. A page of docs/ that is in none of them is put under the last.
 NAVIGATION = {
-    "Start": ["install", "first_hour", "recordings", "result", "trouble", "faq", "glossary"],
-    "Guides": [
-        "choosing", "excitation", "sampling", "calibrate_read_compare", "from_matlab", "control_unit", "assumptions",
-        "actuators", "own_models", "truck",
-    ],
+    "Start": ["install", "first_hour", "recordings", "excitation", "result", "trouble", "glossary"],
+    "Guides": ["calibrate_read_compare", "from_matlab", "control_unit", "assumptions", "actuators", "own_models", "truck"],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
@@ -127,7 +124,9 @@ def stage(folder: Path, with_gallery: bool) -> None:
     if with_gallery:
         gallery(folder / "gallery")
     for page, place in [*places.items()]:
-        text = site_text(page, places, folder)
+        text = printed.with_printed(site_text(page, places, folder))
+        if place.startswith("commands/"):
+            text = text.replace("## Exit codes", f"## Options\n\n{printed.options(page.stem)}\n\n## Exit codes")
         if place == "index.md":
             text += navigation([*places.values(), *(["gallery/index.md"] if with_gallery else [])])
         if place == "equations.md":
@@ -135,7 +134,7 @@ def stage(folder: Path, with_gallery: bool) -> None:
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
         (folder / place).write_text(text, encoding="utf-8")
     (folder / "api").mkdir()
-    for name, text in api_pages(parameter_tables().replace("](", "](../")).items():
+    for name, text in api_pages(printed.parameters()).items():
         (folder / "api" / name).write_text(text, encoding="utf-8")
 
 

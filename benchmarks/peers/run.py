@@ -4,7 +4,7 @@ Same equations, same work, one run of one machine; every row has its error besid
 are named as absent; ``pip install -r benchmarks/peers/requirements.txt`` brings those that pip has, beside clutchid;
 its first lines name the others.
 
-(a) one simulation, (b) with exact sensitivities, (c) an estimation of three load weights from many starts, (d) that of
+(a) one simulation, (b) with sensitivities, (c) an estimation of three load weights from many starts, (d) that of
 each of a thousand recordings, (e) one step of the observer, (f) a fit from the start of a process, (g) reading of
 files, (h) ten thousand simulations. ``--from FILE`` writes the page of a run that ``--json FILE`` kept. ``--only e,f``
 takes about five minutes, with ``--rounds 1`` two; ``--only d`` five, with ``--recordings 100`` two.
@@ -120,61 +120,50 @@ def observer_targets(rows: Sequence[Row], options: argparse.Namespace) -> list[s
     return [judged(f"{name}, over clutchid's exported C", ratio, 1.0, least=True)]
 
 
-SIMULATION = """The actuator of the paper, five states, on random strokes, holds and releases. Solvers with steps of
-their own have a relative tolerance of 1e-6 and start anew at every edge of an input, the best they can be given; their
-right-hand side is scalar, printed from the same expressions, with numbers for all parameters. clutchid, C, CasADi and
-JAX take the same classical Runge-Kutta steps of 1 ms: those are less exact where the piston hits an end stop. Error:
-largest difference of position and pressure from steps 64 times finer."""
+SIMULATION = """The actuator of the paper, five states, on random strokes. clutchid, C, CasADi and JAX take the same
+Runge-Kutta steps of 1 ms, so these rows compare speed at the same error. Solvers with steps of their own (relative
+tolerance 1e-6, started anew at every edge of an input) are more exact. Error: largest difference of position and
+pressure from steps 64 times finer. The 18 µm are an instant at an impact on the far stop, which one step of 1 ms
+meets; the noise of a sensor is 50 µm."""
 
 SENSITIVITIES = f"""Derivatives of the position to the load weights, then also to
-{", ".join(sensitivities.SEVEN[3:])}, then also to {", ".join(sensitivities.FIFTEEN[7:])}. Those of
-clutchid, CasADi's Runge-Kutta and JAX are the exact derivatives of the simulation with steps of 1 ms, which is what a
-search for a minimum needs; the error is against the derivatives with steps 64 times finer, of the worst column. It is
-largest for an instant at an impact on an end stop. Differences as `least_squares` makes them have the noise of a
-solver's own steps, over the step of the difference."""
+{", ".join(sensitivities.SEVEN[3:])}, then also to {", ".join(sensitivities.FIFTEEN[7:])}. Those of clutchid, CasADi's
+Runge-Kutta and JAX are exact for the discretised system, the steps of 1 ms, which is what a search needs. Error:
+difference from the derivatives of steps 64 times finer, of the worst column. With three and seven parameters all of
+it that exceeds 2 % are 9 of 10,000 samples, in three impacts on the far stop, and the median is 0.03 %; with
+fifteen the worst column is the mass (`python benchmarks/peers/sensitivities.py`). Differences as `least_squares`
+makes them have the noise of a solver's own steps, over the step of the difference."""
 
-ESTIMATION = """Three load weights from 4 s of position at 1 kHz, the reference (steps 64 times finer) with 30 µm of
-white noise, each start with noise of its own; the first start is the paper's. A search has succeeded if every weight is
-within five standard deviations (σ) of the Cramér-Rao bound. clutchid's time has its inspection of the recording,
-covariance and verdict in it, the peers' only the search. The peers are given the true start of the piston, for which
-the bound holds too; clutchid takes it from the rest of 0.3 s before the first stroke. AeroID compiles its loop anew for
-every recording."""
+ESTIMATION = """Three load weights from 4 s of position at 1 kHz: the reference (steps 64 times finer) with 30 µm of
+white noise, from ten starts. A search has succeeded if every weight is within five standard deviations (σ) of the
+Cramér-Rao bound. clutchid's time includes its inspection of the recording, covariance and verdict, the peers' only
+the search. The peers are given the true start of the piston; clutchid takes it from the rest before the first
+stroke."""
 
-RECORDINGS = """CSV files as in [an estimation](#an-estimation), each with noise and a true load of its own, the
-weights scattered by 3 %; three load weights of each are wanted. Each way is a command, from its start to its end.
-`clutchid fleet` also checks every recording, draws its load with a band, and keeps results that an interrupted run
-goes on from. A loop is a Pool of `multiprocessing` over the files, read by polars, with `least_squares`; what it
-compiles is in *first run* with all else that does not grow with the recordings, and it does not import clutchid but
-in the row that says so. JAX is not among them: traced functions of it did not end in the workers of a Pool. Memory is
-that of all processes at its highest, shared pages counted once. *succeeded* and σ as there."""
+RECORDINGS = """CSV files as in [an estimation](#an-estimation), each with noise and a load of its own. Each way is
+a command from start to end. `clutchid fleet` also checks every recording, draws its load with a band, and keeps
+results for an interrupted run. A loop is a Pool of `multiprocessing` with `least_squares`; what it compiles is in
+*first run*. JAX is not among them: its traced functions did not end in the workers of a Pool. Memory is that of all
+processes."""
 
-OBSERVER = f"""A recording as in [an estimation](#an-estimation), of 20 s, followed from the load of the paper: every
-filter predicts over 1 ms by Runge-Kutta and updates by the position, with the same prior and noise, in double. The
-peers are extended Kalman filters of 8 states, 5 of the actuator and 3 load weights, with a covariance of 8 by 8.
-clutchid's has 6 states, the sixth the output of the sensor, and in place of a covariance a root of it with 9 columns,
-3 of them for the weights; it takes two steps in 1 ms where the actuator is stiff, one elsewhere. It also looks for
-frozen sensors, holes, outliers and a moved rest, and counts strokes. *clutchid, exported C* and all rows from Python
-correct at every sample and learn while the piston rests too, as the peers do; *as shipped* it corrects at every tenth
-sample, and learns while the piston moves. Archimedes is used as its documentation does, with the rates of kind SX,
-and once with the whole step of that kind; filterpy has no derivatives and takes differences. C is compiled by `gcc
-{" ".join(FLAGS)}`. Each step is timed alone, by `clock_gettime` in C and by `perf_counter_ns` in Python; the first
-{WARM} steps of a pass do not count. Error: rms of the pressure in chamber A, and of the load
-over the stroke at the end, in % of its peak."""
+OBSERVER = f"""A recording as in [an estimation](#an-estimation), of 20 s, followed from the load of the paper:
+every filter predicts over 1 ms by Runge-Kutta and updates by the position, with the same prior and noise, in
+double. The peers are extended Kalman filters of 8 states with a covariance. clutchid's has 6 states and a root of
+the covariance with 9 columns, and also looks for frozen sensors, holes, outliers and a moved rest. *clutchid,
+exported C* and all rows from Python correct at every sample, as the peers do; *as shipped* it corrects at every
+tenth. C is compiled by `gcc {" ".join(FLAGS)}`. Each step is timed alone; the first {WARM} do not count. Error: rms
+of the pressure in chamber A, and of the load over the stroke at the end, in % of its peak."""
 
-COLD = """The first start of [an estimation](#an-estimation), from the start of a process to its end: Python, imports,
-the model, what is compiled, and the search. *Cold*, nothing is compiled in advance but the byte code of the packages;
-*warm* is the second process, with what the first one left on disk: clutchid's kernels in its cache, CasADi's library
-beside the script, which looks for it there, and JAX's compilation cache, which is off by default and was switched on.
-clutchid is as a wheel installs it. The peers get the model as printed text and do not import clutchid. *Processor* is
-the time of all processors, with that of the C compiler; wall time is longer than that on a busy machine."""
+COLD = """The first start of [an estimation](#an-estimation), a whole process. *Cold*, nothing is compiled but the
+byte code of the packages; *warm* is the second process, with what the first left on disk (JAX's compilation cache
+switched on). *Processor* is the time of all processors, with that of the C compiler."""
 
-FILES = """Position, duty cycles and pressure. `clutchid.read` finds the format, the channels and their units, and
-checks time and values, foreign formats in a guarded process of their own; the packages alone are given the names of the
-columns and return arrays."""
+FILES = """Position, duty cycles and pressure. `clutchid.read` finds format, channels and units, and checks time and
+values; the packages alone are given the names of the columns and return arrays."""
 
 
-BATCH = """The positions of simulations of one recording, whose three load weights differ: of one call, or of a loop
-over all of them. A thread a processor where the row says so; JAX uses those that it likes."""
+BATCH = """The positions of simulations of one recording, whose three load weights differ. A thread a processor
+where the row says so."""
 
 
 def wanted(peers: Sequence[Peer], options: argparse.Namespace) -> list[Peer]:
@@ -242,7 +231,7 @@ def no_targets(_rows: Sequence[Row], _options: argparse.Namespace) -> list[str]:
 
 PARTS = {
     "a": Part("One simulation", SIMULATION, simulated, simulation_targets),
-    "b": Part("With exact sensitivities", SENSITIVITIES, differentiated, sensitivity_targets),
+    "b": Part("With sensitivities", SENSITIVITIES, differentiated, sensitivity_targets),
     "c": Part("An estimation", ESTIMATION, estimated, estimation_targets),
     "d": Part("A thousand recordings", RECORDINGS, of_many, recordings_targets),
     "e": Part("One step of the observer", OBSERVER, observed, observer_targets, ("p99", "p99.9")),
@@ -287,7 +276,13 @@ def seconds(value: float) -> str:
 
 
 #: Beginnings of cases that are between two others of the page: their rows stand in the file of rows only.
-BETWEEN = ("100 recordings of", "10 recordings of 4.3 s, 2")
+BETWEEN = ("100 recordings of", "10 recordings of 4.3 s, 2", "10 s at 1000 Hz")
+
+#: Peers that nobody would choose beside a better one of the same package.
+BESIDE = {
+    "SciPy, RK45", "SciPy, Radau", "SciPy RK45, least_squares", "CasADi, Runge-Kutta", "CasADi, CVODES",
+    "SciPy, LSODA, differences by default", "CasADi, compiled, map on threads",
+}  # fmt: skip
 
 
 def table(rows: Sequence[Row], more: Sequence[str] = ()) -> list[str]:
@@ -296,7 +291,7 @@ def table(rows: Sequence[Row], more: Sequence[str] = ()) -> list[str]:
     titles = ["", "median", *more, "over clutchid", "error", "first run", ""]
     for case in dict.fromkeys(row.case for row in rows if not row.case.startswith(BETWEEN)):
         text += ["", f"**{case}**", "", line(titles), "|" + "---|" * len(titles)]
-        for row in rows:
+        for row in (row for row in rows if row.peer not in BESIDE):
             if row.case == case and not row.runs:
                 text.append(line([row.peer, *[""] * (len(titles) - 2), row.note]))
             elif row.case == case and not row.note.startswith("scaled from"):
@@ -310,31 +305,25 @@ def line(cells: Sequence[str]) -> str:
     return "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
 
 
-INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work, each part in
-one run; this page is what the commands below wrote. Times are medians, peers run in turn, round after round, and a
-turn of a simulation, with sensitivities or without, is the least of up to five runs within 0.1 s; a ratio is the
-median of the rounds' ratios, above 1 where the peer takes longer; *first run* is the time with what a peer compiles.
-clutchid's kernels were in its cache, except in the comparison of cold and warm starts. A slow peer is timed on a
-shorter recording, in a table of its own or as the row says. Quartiles, numbers of runs, scaled rows and fleets of
-other sizes are in `benchmarks/results/peers.json`."""
+INTRODUCTION = """clutchid and what a user would take instead, on the same equations and the same work. This page is
+what the commands below wrote: medians in turn, a ratio above 1 where the peer takes longer; *first run* includes
+what a peer compiles. clutchid's kernels were in its cache, except in the comparison of cold and warm starts. Slower
+variants of the same packages, quartiles and other sizes are in `benchmarks/results/peers.json`."""
 
 NOT_AHEAD = """## Where clutchid is not ahead
 
-- **Exactness.** At an impact on an end stop a step of 1 ms is too long for an error below a micrometre; solvers with
-  steps of their own are exact there, and so are their derivatives.
-- **Short recordings.** `clutchid.simulate` checks the log, chooses steps and makes a log of all states; for a second
-  of recording that takes about as long as the loop itself.
-- **Estimation.** A search by `least_squares` on compiled CasADi is nearer than the target of ten times, where the
-  compiling of CasADi (first run) is left out. A recording without a rest before its first stroke starts at its first
-  sample, whose noise makes theta_2 and theta_3 less certain than the bound; the intervals say so.
-- **Few recordings.** `clutchid fleet` starts processes, checks every recording and keeps results as it goes: for ten
-  recordings a loop over `clutchid.fit` is three times as fast, for a thousand a tenth faster.
-- **Files.** Reading takes longer than by the package of the format alone, for what `clutchid.read` does beside it.
-- **Single samples from Python.** `clutchid.observe` checks each block, watches the sensors and copies its state: a
-  call with one sample takes less than a step of Archimedes or filterpy, but longer than one of CasADi or JAX. It pays
-  from blocks of some ten samples on, and the exported C has no such calls.
+- **Exactness.** At an impact on a stop a step of 1 ms is too long for an error below a micrometre, of states and of
+  derivatives. Solvers with steps of their own are exact there.
+- **Short recordings.** `clutchid.simulate` checks the log and makes one of all states; for a second of recording that
+  takes about as long as the loop.
+- **Estimation.** `least_squares` on compiled CasADi takes 2.3 times as long, where ten times was the target.
+- **Few recordings.** `clutchid fleet` starts processes and keeps results: for ten recordings a loop over `clutchid.fit`
+  is three times as fast, for a thousand a tenth faster.
+- **Files.** Reading takes longer than by the package of the format alone.
+- **Single samples from Python.** `clutchid.observe` checks each block: a call with one sample takes less than a step
+  of Archimedes or filterpy, but longer than one of CasADi or JAX. Give it blocks, or export the C.
 - **The first fit of a new process.** With nothing compiled SciPy, JAX and CasADi have their results first; with
-  everything compiled CasADi has, whose script imports less."""
+  everything compiled CasADi has."""
 
 
 class PartResult(NamedTuple):

@@ -42,7 +42,7 @@ def test_the_commands_of_a_page_print_what_it_shows(blank, page):
 
 def test_the_readme_shows_what_the_first_hour_prints():
     readme, source = (path.read_text(encoding="utf-8") for path in (console.README, console.SOURCE))
-    assert len([step for block in console.blocks(readme) for step in block.steps]) == 3
+    assert len([step for block in console.blocks(readme) for step in block.steps]) == 4
     texts = console.excerpts(readme, source)
     assert not texts, "\n".join([*map(str, texts), "if that is right: python benchmarks/docs.py README.md --write"])
     assert len(console.excerpts(readme, source.replace("trust    good", "trust    none"))) == 2

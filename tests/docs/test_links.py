@@ -50,7 +50,3 @@ def test_the_page_of_benchmarks_leads_to_every_file_of_results_and_names_every_c
     assert set(RESULTS.glob("*.md")) - {target for target, _ in links(page)} == set()
     text = page.read_text(encoding="utf-8")
     assert [path.name for path in (ROOT / "benchmarks").glob("*.py") if f"benchmarks/{path.name}" not in text] == []
-
-
-def test_the_readme_leads_to_the_start_page():
-    assert DOCS / "index.md" in {target for target, _ in links(ROOT / "README.md")}

@@ -21,14 +21,8 @@ DOCS = ROOT / "docs"
 
 #: Attributes that make a browser ask for a file, by tag. Links that a reader follows are no request.
 LOADED = {
-    "img": "src",
-    "script": "src",
-    "link": "href",
-    "iframe": "src",
-    "source": "src",
-    "audio": "src",
-    "video": "src",
-}
+    "img": "src", "script": "src", "link": "href", "iframe": "src", "source": "src", "audio": "src", "video": "src",
+}  # fmt: skip
 
 
 class Page(HTMLParser):

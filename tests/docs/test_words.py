@@ -98,7 +98,7 @@ def test_every_line_that_a_fit_prints_is_explained():
 
 
 def test_the_terms_of_the_glossary_are_in_order_and_explained_briefly():
-    entries = re.findall(r"^### (.+)\n\n(.*?)(?=^###|\Z)", PAGES["glossary"], re.MULTILINE | re.DOTALL)
+    entries = re.findall(r"^### ([^\n]+)\n\n(.*?)(?=^###|\Z)", PAGES["glossary"], re.MULTILINE | re.DOTALL)
     terms = [term.lower() for term, _ in entries]
     assert terms == sorted(set(terms))
     assert [term for term, text in entries if not 1 <= len(text.strip().splitlines()) <= 3] == []

@@ -1,6 +1,7 @@
 """What the documentation says is what the code does."""
 
 import importlib.util
+import pydoc
 import re
 from pathlib import Path
 
@@ -8,7 +9,6 @@ import pytest
 
 from clutchid.cli import app
 from clutchid.estimation.assess.verdict import NOISE_ONLY, PAPER_HELD, PAPER_OFF
-from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
 from clutchid.parameters import GROUPS, Parameters
 
@@ -23,6 +23,13 @@ def script(name):
     return module
 
 
+@pytest.fixture
+def printed(monkeypatch):
+    """The script that prints parts of pages."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    return script("printed")
+
+
 @pytest.fixture(scope="module")
 def equations():
     """The page of equations as the code makes it."""
@@ -33,9 +40,9 @@ def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations
 
 
-def test_the_page_of_architecture_has_the_rooms_of_the_import_contract():
+def test_the_page_of_architecture_has_the_packages_of_the_import_contract():
     made = script("make_architecture")
-    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.rooms()
+    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.packages()
 
 
 def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
@@ -77,38 +84,45 @@ def test_the_start_page_names_every_verb_of_the_command_line():
     assert [verb for verb in verbs if f"| [{verb}](commands/{verb}.md) |" not in page] == []
 
 
-def test_every_python_file_that_the_documentation_names_exists():
-    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
-    spans = [(page, span) for page in pages for span in re.findall(r"`([^`\n]+)`", page.read_text(encoding="utf-8"))]
-    named = [(page.name, path) for page, span in spans for path in re.findall(r"[\w./-]+\.py\b", span)]
-    assert len(named) > 20
-    places = (ROOT, ROOT / "src" / "clutchid")
-    assert [f"{page}: {path}" for page, path in named if not any((place / path).exists() for place in places)] == []
+#: Pages whose names a reader looks up in the repository.
+PROSE = {
+    page: re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    for page in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md"))
+}
+PLACES = (ROOT, ROOT / "src" / "clutchid", ROOT / "docs")
 
 
-def test_the_page_of_derivations_has_the_noise_of_the_states_that_the_code_has():
-    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
-    rows = [
-        f"| `{name}`, {s.meaning} | {s.noise:g} {s.unit} | {s.start:g} {s.unit} | {s.unknown_start:g} {s.unit} |"
-        for name, s in STATES.items()
-    ]
-    assert [row for row in rows if row not in text] == []
+def named(pattern):
+    """What a pattern finds in the code spans of prose, with the page."""
+    spans = ((page, span) for page, text in PROSE.items() for span in re.findall(r"`([^`\n]+)`", text))
+    return [(page, name) for page, span in spans for name in re.findall(pattern, span)]
 
 
-def test_the_page_of_derivations_has_the_changes_that_the_code_looks_for():
-    text = (ROOT / "docs" / "derivations.md").read_text(encoding="utf-8")
+def test_every_path_in_prose_exists():
+    paths = named(r"(?<![\w./-])(?:(?:src|tests|docs|benchmarks)/[\w./-]*\w|[\w/-]+\.py\b)|^(?:[a-z_]+/){2,}$")
+    assert len(paths) > 200
+    lost = {path for _, path in paths if not any((place / path).exists() for place in PLACES)}
+    assert {path for path in lost if not [*(ROOT / "tests").rglob(path)]} == set()
 
-    rows = Parameters.rows()
 
-    def shown(name, std):
-        return f"{100 * std:.4g} %" if rows[name].in_shares else f"{std:g}"
+def test_every_name_in_prose_exists():
+    modules = named(r"(?<![\w/-])clutchid(?:\.[a-z]\w*)+(?:\.[A-Z]\w*)?")
+    struct = {"from_matlab.md", "formats.md"}  # pages with the fields of MATLAB's struct `clutchid`
+    assert [name for page, name in modules if page.name not in struct and pydoc.locate(name) is None] == []
+    pairs = {pair for text in PROSE.values() for pair in re.findall(r"`(\w+)`\s(?:in|of)\s`([\w/]+\.py)`", text)}
+    files = {file: next(place / file for place in PLACES if (place / file).exists()) for _, file in pairs}
+    assert [pair for pair in pairs if not re.search(rf"\b{pair[0]}\b", files[pair[1]].read_text("utf-8"))] == []
+    packages = {name for text in PROSE.values() for name in re.findall(r"[Pp]ackages?\s`([a-z_]+)`", text)}
+    assert [name for name in packages if not (PLACES[1] / name).is_dir()] == []
 
-    wanted = [
-        f"| {group} | " + ", ".join(f"`{name}` {shown(name, std)}" for name, std in direction.items()) + " |"
-        for group in GROUPS
-        for direction in directions(rows, group)
-    ]
-    assert [row for row in wanted if row not in text] == []
+
+def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_facts(printed):
+    marks = [mark for page in (ROOT / "docs").rglob("*.md") for mark in printed.MARK.findall(page.read_text("utf-8"))]
+    assert set(marks) == set(printed.PRINTED)
+    for part, names in (("states", STATES), ("parameters", Parameters.rows()), ("priors", Parameters.rows())):
+        assert re.findall(r"^\| `(\w+)`", printed.with_printed(f"<!-- printed {part} -->"), re.MULTILINE) == [*names]
+    assert set(re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)) == set(GROUPS)
+    assert "| `--start` | Calibration (TOML) that" in printed.options("look")
 
 
 def test_the_command_that_ci_runs_is_in_the_readme():

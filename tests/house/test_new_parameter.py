@@ -33,8 +33,9 @@ CHANGES = (
 
 #: What the package of another process says of it.
 QUESTIONS = """
-import json, runpy, sys
+import json, sys
 import numpy as np
+from printed import parameters, priors
 from clutchid import Actuator, Log, read_parameters, simulate
 from clutchid.estimation.automatic import freed
 from clutchid.observer.methods import METHODS
@@ -61,7 +62,7 @@ json.dump({
     "correlation": float(changed[0, 1] / np.sqrt(changed[0, 0] * changed[1, 1])),
     "adapting": adapting[-1],
     "hours": {c.base: c.width for c in online_prior(actuator, adapting).free}["D_q"],
-    "page": [line for line in runpy.run_path(sys.argv[1])["page"]().splitlines() if line.startswith("| `D_q`")],
+    "page": [line for text in (parameters(), priors()) for line in text.splitlines() if line.startswith("| `D_q`")],
     "file": read_parameters("new.toml").actuator.value("D_q"),
     "slower": [float(simulate(actuator.replace({"D_q": d}), pulse).log["velocity"].max()) for d in (0.0, 2e4)],
 }, sys.stdout)
@@ -79,9 +80,10 @@ def answers(tmp_path_factory):
         assert text.count(before) == 1
         path.write_text(text.replace(before, after), encoding="utf-8")
     keep_machine_code(folder / "cache")
+    paths = os.pathsep.join([str(folder), str(ROOT / "docs")])
     process = subprocess.run(
-        [sys.executable, "-c", QUESTIONS, str(ROOT / "docs" / "make_equations.py")],
-        env={**os.environ, "PYTHONPATH": str(folder), "CLUTCHID_CACHE": str(folder / "cache")},
+        [sys.executable, "-c", QUESTIONS],
+        env={**os.environ, "PYTHONPATH": paths, "CLUTCHID_CACHE": str(folder / "cache")},
         cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert process.returncode == 0, process.stderr

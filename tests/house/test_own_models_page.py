@@ -43,12 +43,11 @@ def typed(line: str) -> subprocess.CompletedProcess[str]:
 def folder(tmp_path_factory):
     """A folder in which everything on the page has been done, and what each command printed."""
     folder = tmp_path_factory.mktemp("own")
-    (_, file), *others = blocks()
-    (folder / "maxwell_slip.py").write_text(file, encoding="utf-8")
+    (folder / "maxwell_slip.py").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     last, answers = None, []
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for language, text in others:
+        for language, text in blocks():
             if language == "python":
                 exec(compile(text, PAGE.name, "exec"), {})
             elif language == "sh":
@@ -58,10 +57,6 @@ def folder(tmp_path_factory):
             else:
                 answers[-1][2] = text.strip()
     return folder, answers
-
-
-def test_the_page_has_the_example_file():
-    assert blocks()[0] == ("python", EXAMPLE.read_text(encoding="utf-8"))
 
 
 def test_every_command_of_the_page_does_what_the_page_says(folder):

@@ -17,9 +17,9 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 #: The files that each page writes.
 WRITTEN = {
     "python.md": {"page.html", "load.pdf", "worn.csv", "state.toml", "cal.toml", "trucks", "result"},
-    "sampling.md": set(),
+    "excitation.md": set(),
     "from_matlab.md": {"run.csv", "load.mat", "simulated.mat"},
-    "calibrate_read_compare.md": {"cal.toml", "new_against_worn.png"},
+    "calibrate_read_compare.md": {"cal.toml"},
 }
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?")
@@ -60,7 +60,7 @@ def test_the_examples_of_a_page_print_what_it_says(blank, name, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     runner = doctest.DocTestRunner(TwoDigits(), optionflags=doctest.ELLIPSIS)
     outcome = runner.run(doctest.DocTestParser().get_doctest(examples, {}, name, str(page), 1))
-    assert outcome.attempted > 10
+    assert outcome.attempted > 5
     assert outcome.failed == 0
     assert {path.name for path in tmp_path.iterdir()} == WRITTEN[name]
 

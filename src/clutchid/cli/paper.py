@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +10,9 @@ from clutchid.cli.common import DONE, FILES, FileOptions, OutOption, OutputFlag,
 from clutchid.documents.console import put
 from clutchid.errors import ParameterError
 from clutchid.verbs.options import USUAL_FILES
+
+#: Printed before the study, which is silent where standard error is no terminal.
+STARTED = "Repeating the fits, tables and figures of the paper: one to five minutes, depending on the machine."
 
 
 @guarded
@@ -37,10 +41,8 @@ def paper(
 
     if (fit is None) != (verify is None):
         raise ParameterError("--fit and --verify: give both recordings, or neither.")
-    if fit is None or verify is None:
-        fitted, verified = halves()
-    else:
-        fitted, verified = files.reading([fit, verify]).read()
+    fitted, verified = halves() if fit is None or verify is None else files.reading([fit, verify]).read()
+    put(STARTED, to=sys.stderr)
     with progress_bar("paper") as show:
         paper_study(fitted, verified, out, progress=show)
     put(f"The page: {(out / 'index.html').resolve()}")
