@@ -33,7 +33,9 @@ DOCS = ROOT / "docs"
 #: The navigation: captions and pages. A page of docs/ that is in none of them is put under the last.
 NAVIGATION = {
     "Start": ["install", "first_hour", "recordings", "excitation", "result", "trouble", "glossary"],
-    "Guides": ["calibrate_read_compare", "from_matlab", "control_unit", "assumptions", "actuators", "own_models", "truck"],
+    "Guides": [
+        "calibrate_read_compare", "from_matlab", "control_unit", "assumptions", "actuators", "own_models", "truck",
+    ],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
     "Physics": ["models", "equations", "friction", "deviations"],
