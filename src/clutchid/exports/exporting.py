@@ -16,6 +16,7 @@ from clutchid.exports.fmu import FMUS, Fmu, missing_parts, model_fmu, observer_f
 from clutchid.exports.frames import results_dbc
 from clutchid.exports.matlab import matlab_files
 from clutchid.exports.misra import CHECKER, FINDINGS
+from clutchid.exports.outputs import REASONS
 from clutchid.exports.parity import Parity, begins_us, parity, replay, replay_source, samples_of, trial_drive
 from clutchid.exports.requirements import requirement_files, requirement_table
 from clutchid.exports.target import example_files, vectors
@@ -200,6 +201,7 @@ def write_export(
         "name": style.name, "style": style, "title": title, "to": to, "model": model, "observer": observer,
         "parities": parities, "cause": cause, "notes": notes,
         "findings": FINDINGS, "checker": CHECKER, "requirements": requirement_table(style.name),
+        "reasons": REASONS,
     }  # fmt: skip
     files |= {f"{page.upper()}.md": template(f"{page}.md.j2", "clutchid.exports").render(values) for page in PAGES}
     for name, text in files.items():
