@@ -224,12 +224,12 @@ def strokes_of(mismatch, *strokes):
 
 def test_the_mismatch_of_a_fault_is_not_kept_and_heals_with_two_strokes_without_one():
     fault = 1 << [*FLAGS].index("contradiction")
-    first, faulty, one, two = strokes_of(mismatch_from(1.0), (1.0, 0), (9.0, fault), (1.0, 0), (1.0, 0))
+    first, faulty, next_stroke, second = strokes_of(mismatch_from(1.0), (1.0, 0), (9.0, fault), (1.0, 0), (1.0, 0))
     assert first == (1.0, 1.0)
     assert faulty[0] > 1.7
     assert faulty[1] == 1.0
-    assert one[0] > 1.6
-    assert two == (1.0, 1.0)
+    assert next_stroke[0] > 1.6
+    assert second == (1.0, 1.0)
     assert HEALED == 2
 
 
