@@ -31,11 +31,6 @@ def _plain(value: Any) -> Any:
     return content(value) if is_dataclass(value) else value
 
 
-def download_name(result: str, file: str) -> str:
-    """The name under which a file of a result is downloaded."""
-    return f"{result.replace(' ', '-').replace('/', '-')}-{file}"
-
-
 @dataclass(frozen=True, slots=True)
 class File:
     """A recording as a job reads it: its path, channel map, and the name that a command has for it."""

@@ -22,12 +22,12 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from clutchid.app import uploads
 from clutchid.app.commands import METHOD_CHOICES, VERBS
 from clutchid.app.folder import end_folder, new_folder, opening_page
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
-from clutchid.app.records import Observation, Recording, Result, Table, download_name
+from clutchid.app.records import Observation, Recording, Result, Table
 from clutchid.app.session import Session
-from clutchid.app.uploads import allowed_path, folder_listing, is_opened, is_table, receive_upload, upload_size
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
@@ -141,8 +141,8 @@ async def _events(session: Session, request: Request) -> Response:
 
 
 async def _files(session: Session, request: Request) -> Response:
-    chosen = is_table if request.query_params.get("kind") == "tables" else is_opened
-    return JSONResponse(folder_listing(request.query_params.get("under", ""), session.below, chosen))
+    chosen = uploads.is_table if request.query_params.get("kind") == "tables" else uploads.is_opened
+    return JSONResponse(uploads.folder_listing(request.query_params.get("under", ""), session.below, chosen))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:
@@ -161,16 +161,16 @@ async def _upload_calibration(session: Session, request: Request) -> Response:
 async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
     """The body of the request as a file with its id, without a second copy."""
     name = request.query_params.get("name", "")
-    size = upload_size(name, request.headers.get("content-length"), session.folder)
+    size = uploads.upload_size(name, request.headers.get("content-length"), session.folder)
     id_, path = session.upload_path(name, kind, beside)
     path.unlink(missing_ok=True)  # the same file once more
-    await receive_upload(request.stream(), path, size)
+    await uploads.receive_upload(request.stream(), path, size)
     return id_, path
 
 
 async def _open_path(session: Session, request: Request) -> Response:
     (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": _open_any(session, allowed_path(path, session.below, session.named))})
+    return JSONResponse({"id": _open_any(session, uploads.allowed_path(path, session.below, session.named))})
 
 
 def _open_any(session: Session, path: Path) -> str:
@@ -257,7 +257,7 @@ async def _upload_table(session: Session, request: Request) -> Response:
 
 async def _open_table(session: Session, request: Request) -> Response:
     (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": session.open_table(allowed_path(path, session.below, ()))})
+    return JSONResponse({"id": session.open_table(uploads.allowed_path(path, session.below, ()))})
 
 
 async def _open_vehicle(session: Session, request: Request) -> Response:
@@ -280,7 +280,7 @@ async def _result_file(session: Session, request: Request) -> Response:
     path, result = session.file_of(id_, name)
     if path.suffix == ".html":
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
-    return FileResponse(path, headers=_attachment(download_name(result.name, name)))
+    return FileResponse(path, headers=_attachment(uploads.download_name(result.name, name)))
 
 
 def _attachment(name: str) -> dict[str, str]:

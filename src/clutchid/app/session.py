@@ -17,7 +17,7 @@ from clutchid.app import records
 from clutchid.app.board import Board
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
-from clutchid.app.uploads import safe_name
+from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import replace
@@ -59,7 +59,9 @@ class Session:
         """Begin to read a file as a recording; the id of the recording."""
         id_ = id_ or self._id("recording")
         recording = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
-        return self._begin("open", "files", recording, records.Look(records.File(path), self._columns(id_)))
+        return self._begin(
+            f"open {recording.name}", "files", recording, records.Look(records.File(path), self._columns(id_))
+        )
 
     def set_map(self, id_: str, channels: Mapping[str, Any], rate: float | None, ambient: str) -> None:
         """Give a recording a channel map, and look at it again.
@@ -101,7 +103,8 @@ class Session:
         new, path = self.upload_path(f"{Path(safe_name(whole.name)).stem}-cut.parquet")
         look = records.Look(records.File(path), self._columns(new), whole.ambient)
         task = records.Cut(self._columns(id_), whole.map, tuple(begins), look)
-        return self._begin("cut", "files", records.Recording(new, path.name, path, uploaded=True), task, whole.name)
+        recording = records.Recording(new, path.name, path, uploaded=True)
+        return self._begin(f"cut {whole.name}", "files", recording, task)
 
     def forget(self, id_: str) -> None:
         """Remove a recording or a result with its files."""
@@ -136,14 +139,13 @@ class Session:
         id_, folder = self._result_folder("result")
         # the result names its calibration as the command does
         first = shutil.copyfile(calibration, folder / asked.start.name) if calibration and asked.start else None
-        names = ", ".join(file.name for file in files)
-        name = f"{verb} {names}"
+        name = self._name(verb, id_, recordings)
         task = records.FitRecordings(asked, name, files, folder, others, first)
         result = records.Result(
             id_, verb, name, recordings=tuple(recordings), verify=tuple(verify), start=start,
             options=asked.search, made=time.time(), command=command, python=python,
         )  # fmt: skip
-        return self._begin(verb, "fits", result, task, names)
+        return self._begin(name, "fits", result, task)
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of its result."""
@@ -153,8 +155,11 @@ class Session:
             replace(path, file)
         else:
             shutil.copyfile(path, file)
-        result = records.Result(id_, "file", printable(name), made=time.time())
-        return self._begin("open", "files", result, records.ReadCalibration(file, name))
+        shown = printable(name)
+        if shown in {result.name for result in self.board.all(records.Result)}:
+            shown = f"{shown.removesuffix('.toml')} ({_number(id_)}).toml"
+        result = records.Result(id_, "file", shown, made=time.time())
+        return self._begin(f"open {shown}", "files", result, records.ReadCalibration(file, name))
 
     def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
         """Begin to follow a recording with the observer of a calibration; the id of the observation.
@@ -168,9 +173,9 @@ class Session:
         id_, folder = self._result_folder("observation")
         command, python = repeated_observation(file, self._start_name(start), method, force=force)
         task = records.Observe(file, first, method, folder, force)
-        name = file.name
-        run = records.Observation(id_, f"observe {name}", method, recording, start, command=command, python=python)
-        return self._begin("observe", "fits", run, task, name)
+        name = self._name("observe", id_, [recording])
+        run = records.Observation(id_, name, method, recording, start, command=command, python=python)
+        return self._begin(name, "fits", run, task)
 
     # results of track and fleet
 
@@ -185,7 +190,7 @@ class Session:
         id_ = id_ or self._id("table")
         self.jobs.cancel_about(id_)
         table = records.Table(id_, printable(vehicle or path.name), path, printable(path.parent.name), vehicle)
-        return self._begin("open", "files", table, records.ReadTable(path, below, vehicle))
+        return self._begin(f"open {table.name}", "files", table, records.ReadTable(path, below, vehicle))
 
     def open_vehicle(self, id_: str, vehicle: str) -> str:
         """Begin to read a vehicle of a fleet, unless it has been read; the id of its table.
@@ -261,10 +266,10 @@ class Session:
 
     # jobs
 
-    def _begin(self, title: str, lane: Lane, item: records.PageItem, task: records.Task, of: str = "") -> str:
+    def _begin(self, title: str, lane: Lane, item: records.PageItem, task: records.Task) -> str:
         """Put a record on the board and submit the job that will complete it; its id."""
         self.board.put(item)
-        self.jobs.submit(f"{title} {of or item.name}", lane, task, item.id)
+        self.jobs.submit(title, lane, task, item.id)
         return item.id
 
     def _job_changed(self, job: Job) -> None:
@@ -320,9 +325,18 @@ class Session:
         files = ((recording.path, recording.map) for recording in recordings)
         return tuple(records.File(*file, name) for file, name in zip(files, names, strict=True))
 
+    def _name(self, verb: str, id_: str, recordings: Sequence[str]) -> str:
+        """Name of a result on the page, in its files and in commands: what was done with which recordings."""
+        first, *others = (self._recording(recording).name for recording in recordings)
+        return f"{verb} {first}{f' and {len(others)} more' if others else ''} ({_number(id_)})"
+
     def _start_name(self, id_: str) -> str:
         result = self.board.get(records.Result, id_)
-        return result.name if result is not None and result.verb == "file" else "CAL.toml"
+        return download_name(result.name if result else "CAL.toml", "fit.toml")
+
+
+def _number(id_: str) -> str:
+    return id_.partition("-")[2]
 
 
 def _stated(entries: Mapping[str, Any]) -> dict[str, Any]:

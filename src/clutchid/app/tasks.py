@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.app import records
+from clutchid.app.uploads import download_name
 from clutchid.documents import Observation, write_page
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
@@ -127,14 +128,14 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
                 saving.save_fit(result, folder / name)
             files.append(name)
         except ClutchidError as error:
-            failures.append(f"{name}: {error}")
+            failures.append(f"{download_name(task.name, name)}: {error}")
     (folder / "result.json").write_text(json_text(fit_json(result)), encoding="utf-8")
     return {"files": files, "failures": failures}
 
 
 def _shown(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Content of the page of a fit."""
-    file = Path(records.download_name(task.name, "fit.toml"))
+    file = Path(download_name(task.name, "fit.toml"))
     asked = replace(task.asked, save=(file,), report=file.with_suffix(".html"))
     return {
         **application_data(result, document_with_next_step(result, asked)),

@@ -39,7 +39,7 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     page.locator("text=the C agrees with Python").wait_for()
     with page.expect_download() as download:
         page.click("text=Export (ZIP)")
-    assert download.value.suggested_filename.endswith("export.zip")
+    assert download.value.suggested_filename == "calibrate Messung.mf4 (3).zip"
     page.click("text=Repeat it on the command line")
     assert "clutchid calibrate Messung.mf4 --map Messung.mf4.map.toml" in page.locator("pre").first.inner_text()
 

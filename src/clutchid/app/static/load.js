@@ -128,7 +128,7 @@ function form(verb, title, purpose, redraw) {
     h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
     rows.length ? table(["fit", "verify", "recording", "has"], rows, { name: "choose" }) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
-      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
+      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, result.name)))),
     more(verb, redraw),
     h("div", { class: "run" }, h("button", { type: "button", id: `run-${verb}`, class: "strong", disabled: Boolean(why), onclick: run }, `Run: ${title.toLowerCase()}`), why && h("span", { class: "hint" }, why)),
     notice(refused[verb]));
@@ -161,7 +161,7 @@ function drawResults(results, redraw) {
     h("td", {}, result.found && h("input", { type: "checkbox", id: `show-${result.id}`, checked: board.has(result.id), "aria-label": `Overlay ${result.name}`,
       onchange: (event) => { board[event.target.checked ? "add" : "delete"](result.id); redraw(); } })),
     h("td", {}, h("span", { class: `swatch s${index % 6}` })),
-    h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, `${result.id.split("-")[1]}: ${result.name}`)),
+    h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, result.name)),
     h("td", {}, result.found ? result.found.trust && badge(`trust ${result.found.trust}`, grade(result.found.trust)) : badge(WAITING[result.status] ?? result.status, result.status === "failed" ? "bad" : "undetermined")),
     h("td", {}, h("button", { type: "button", class: "plain", "aria-label": `Forget ${result.name}`, onclick: () => send("DELETE", `/api/results/${result.id}`) }, "Forget"))));
   fill(results, h("h2", {}, "Results"), rows.length ? h("div", { class: "scroll" }, h("table", { class: "board" }, h("tbody", {}, rows))) : h("p", { class: "hint" }, "Nothing yet: run a calibration."));
@@ -173,8 +173,8 @@ let drawn = "";
 
 function drawCharts(chart) {
   const overlaid = all("result").map((result, index) => ({ ...result, colour: index })).filter((result) => board.has(result.id) && result.found?.load_curve);
-  const loads = overlaid.map((result) => curve(`${result.id.split("-")[1]}: ${result.name}`, result.colour, result.found.load_curve.position_m, result.found.load_curve.force_N, result.found.load_curve.low_N, result.found.load_curve.high_N));
-  const changes = overlaid.filter((result) => result.found.load_change).map((result) => curve(`${result.id.split("-")[1]} since its calibration`, result.colour, result.found.load_change.position_m,
+  const loads = overlaid.map((result) => curve(result.name, result.colour, result.found.load_curve.position_m, result.found.load_curve.force_N, result.found.load_curve.low_N, result.found.load_curve.high_N));
+  const changes = overlaid.filter((result) => result.found.load_change).map((result) => curve(`${result.name} since its calibration`, result.colour, result.found.load_change.position_m,
     result.found.load_change.difference_N, result.found.load_change.low_N, result.found.load_change.high_N));
   const now = JSON.stringify([loads, changes]);
   if (now === drawn && chart.childElementCount) return;
@@ -194,7 +194,7 @@ function drawAnswer(answer, show) {
   if (!result) { fill(answer); return; }
   const { found } = result;
   const acts = { estimate: ["Estimate a worn clutch", () => document.getElementById("estimate").scrollIntoView()], correct: ["Look at the recording", () => show("recording", result.recordings[0])] };
-  fill(answer, h("div", { class: "head" }, h("h2", {}, `${result.id.split("-")[1]}: ${result.name}`)),
+  fill(answer, h("div", { class: "head" }, h("h2", {}, result.name)),
     !found && (result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`)), !found && result.bad_input && h("p", { class: "hint" }, "Mend what the sentence says, and run it again."),
     found?.summary && summary(found.summary), found?.next && nextStep(found.next, acts[found.next.kind]));
 }

@@ -26,7 +26,7 @@ export function onlineStage(main, show) {
     if (one("observation", awaited)) awaited = "";
     if (!one("observation", open) && !awaited) open = all("observation").at(-1)?.id ?? "";
     drawForm(form, draw);
-    fill(list, all("observation").map((run) => item(run.id, run.id === open, run.found ? "good" : run.status === "failed" ? "bad" : "", `${run.name}, ${run.method}`, run.found ? "" : run.status,
+    fill(list, all("observation").map((run) => item(run.id, run.id === open, run.found ? "good" : run.status === "failed" ? "bad" : "", run.name, run.found ? run.method : run.status,
       () => { open = run.id; draw(); })));
     const run = one("observation", open);
     const now = `${open} ${run?.status} ${run?.message} ${Boolean(run?.found)}`;
@@ -57,7 +57,7 @@ function drawForm(form, redraw) {
     values.map(([value, words]) => h("option", { value, selected: chosen[name] === value }, words))));
   fill(form, h("h2", {}, "Observe"), h("p", { class: "hint" }, "Load and pressure sample by sample, from position and duty cycles alone."),
     select("recording", "Recording", [["", "–"], ...recordings.map((recording) => [recording.id, recording.name])]),
-    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, `${result.name} (${result.id.split("-")[1]})`])]),
+    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, result.name])]),
     select("method", "Method (--method)", METHODS.map((name) => [name, name])),
     h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Go on although a check is bad (--force)")),
     h("div", { class: "run" }, h("button", { type: "button", id: "run-observe", class: "strong", disabled: Boolean(why), onclick: async () => {
