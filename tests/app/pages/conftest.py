@@ -57,6 +57,7 @@ def files(tmp_path_factory):
             mdf.save(folder / file)
     write(drive(Truck(), seconds=10.0, seed=2, pressure=False, wear=1.2e-3).log, folder / "worn.csv")
     write(log.slice(0, 5000), folder / "cal.csv")
+    (folder / "broken.mf4").write_bytes((folder / "Messung.mf4").read_bytes()[:100])
     (folder / "broken.csv").write_text("time [s],position [m]\n0,0\n0,x\n")
     text = (folder / "worn.csv").read_text().replace("position [m]", "position [m],<img src=x onerror=alert(1)> [1]", 1)
     head, *rows = text.splitlines()

@@ -2,7 +2,7 @@
 import { about, all, badge, dropping, fill, gone, h, lasts, nextStep, notice, older, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
-import { contents, has, ready, take, unchecked, worst } from "./recording.js";
+import { contents, has, readable, ready, take, unchecked, worst } from "./recording.js";
 
 const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
 const verified = { calibrate: new Set(), estimate: new Set() };
@@ -59,7 +59,7 @@ function offer() {
     chosen.start = result.id;
     for (const id of result.recordings) chosen.estimate.delete(id);  // its load is known
   }
-  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id)) set.delete(id);
+  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id) || (one("recording", id) && !readable(one("recording", id)))) set.delete(id);
   for (const id of board) if (gone.has(id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
   if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
@@ -71,10 +71,10 @@ const calibrations = () => all("result").filter((result) => result.found?.is_cal
 /** Why a verb cannot run yet; empty where it can. */
 function missing(verb) {
   const these = [...chosen[verb]].map((id) => one("recording", id)).filter(Boolean);
-  if (!all("recording").length) return "Open a recording first.";
+  if (!all("recording").some(readable)) return "Open a recording first.";
   if (!these.length) return "Choose a recording.";
   const unread = these.find((recording) => !ready(recording));
-  if (unread) return unread.look?.status === "bad_input" ? `${unread.name} has problems: see “Recording”.` : `${unread.name} is not read yet.`;
+  if (unread) return `${unread.name} is not read yet.`;
   const unmapped = these.find(unchecked);
   if (unmapped) return `${unmapped.name}: check its channels under “Recording”, and keep the map.`;
   const blind = these.find((recording) => verb === "calibrate" && !has(recording, "pressure_a") && !(options[verb].measure ?? "").length);
@@ -94,7 +94,7 @@ function form(verb, title, purpose, redraw) {
   const why = missing(verb);
   const pick = (set, recording, label) => h("input", { type: "checkbox", id: `${label}-${verb}-${recording.id}`, checked: set.has(recording.id), "aria-label": `${label} ${recording.name} (${verb})`,
     onchange: (event) => { set[event.target.checked ? "add" : "delete"](recording.id); redraw(); } });
-  const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
+  const rows = all("recording").filter(readable).map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
     h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(verified[verb], recording, "verify")),
     h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
     h("td", { class: "hint" }, contents(recording))));

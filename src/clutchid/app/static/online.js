@@ -3,7 +3,7 @@ import { all, fill, gone, h, item, lasts, nextStep, notice, older, one, points, 
 import { curves } from "./curves.js";
 import { strips } from "./strips.js";
 import { calibrations } from "./load.js";
-import { has, ready, unchecked } from "./recording.js";
+import { has, readable, ready, unchecked } from "./recording.js";
 
 const METHODS = ["joint", "states", "paper"];
 const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
@@ -43,14 +43,13 @@ function missing() {
   const recording = one("recording", chosen.recording);
   if (!recording) return "Choose a recording.";
   if (!recording.look || recording.look.checking) return `${recording.name} is not read yet.`;
-  if (recording.look.status === "bad_input") return `${recording.name} has problems: see “Recording”.`;
   if (unchecked(recording)) return `${recording.name}: check its channels under “Recording”, and keep the map.`;
   return chosen.start ? "" : "Choose a calibration: make one under “Load”, or open one that was saved.";
 }
 
 function drawForm(form, redraw) {
-  const recordings = all("recording").filter((recording) => recording.look);
-  if (!chosen.recording || gone.has(chosen.recording)) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
+  const recordings = all("recording").filter((recording) => recording.look && readable(recording));
+  if (!chosen.recording || gone.has(chosen.recording) || (one("recording", chosen.recording) && !readable(one("recording", chosen.recording)))) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
   if (!chosen.start || gone.has(chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
   const why = missing();
   const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },

@@ -58,24 +58,25 @@ const STATES = { reading: "reading", failed: "not read", ready: "", cancelled: "
 /** Whether a fit needs the channel map of a recording, and nobody has kept one yet. */
 export const unchecked = (recording) => recording.look.needs_map && !recording.look.complete && !recording.map;
 
+/** Whether a recording is read, or may still be: one that cannot be is offered nowhere. */
+export const readable = ({ status, look }) => status !== "failed" && look?.status !== "bad_input";
+
 /** Whether a recording can be fitted, as far as its channels say. */
-export const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
+export const ready = (recording) => recording.look && !recording.look.checking && readable(recording);
 
 /** Whether a recording has the channel of a quantity: a map may name a channel that only other recordings have. */
 export const has = ({ look }, quantity) => look.channels.some((channel) => channel.heading === look.map[quantity]?.channel);
 
 /** What a recording holds, in two words. */
 export function contents(recording) {
-  if (!recording.look) return recording.status === "failed" ? "not read" : "reading";
-  if (recording.look.status === "bad_input") return "has problems";
+  if (!recording.look) return "reading";
   return has(recording, "pressure_a") ? "with pressure" : "position only";
 }
 
 /** The grade of the worst check of a recording. */
 export function worst(recording) {
-  if (recording.status === "failed") return "bad";
+  if (!readable(recording)) return "bad";
   if (!recording.look) return "";
-  if (recording.look.status === "bad_input") return "bad";
   if (unchecked(recording)) return "suspect";
   const grades = recording.look.checks.map((check) => check.grade);
   return grades.includes("bad") ? "bad" : grades.includes("suspect") || recording.look.warnings.length ? "suspect" : grades.length ? "good" : "";
@@ -152,11 +153,13 @@ function drawDetails(details) {
     time && `${short(time.last_s - time.first_s, 4)} s`, time?.usual_interval_s && `${short(1 / time.usual_interval_s, 4)} Hz`].filter(Boolean);
   const plots = shown ? holderOfShown : h("section", { "aria-label": "Samples" });  // what was zoomed stays so
   const channels = h("section", { "aria-label": "Channels" });
+  const usable = readable(recording);
   fill(details, head, h("p", { class: "facts" }, facts.join(" · ")),
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
-    look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
+    usable && look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
       h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
-    plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
+    ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
+  if (!look.channels.length) return;
   drawChannels(channels, recording, () => drawStrips(plots, recording));
   if (!shown) drawStrips(plots, recording);
 }
@@ -271,7 +274,7 @@ function drawChannels(holder, recording, replot) {
     h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
       oninput: (event) => { searches.set(recording.id, event.target.value); const at = event.target.selectionStart; drawChannels(holder, recording, replot); document.getElementById("search").setSelectionRange(at, at); } }),
     h("label", { for: "ambient" }, "Ambient pressure"), ambient,
-    h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
+    (changed || readable(recording)) && h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
     h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: ({ target }) => target.files.length && use(target.files[0].text()) })),
     mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording", onchange: async ({ target }) => use((await fetch(`/api/recordings/${target.value}/map.toml`)).text()) },
@@ -294,7 +297,7 @@ function drawChecks(recording) {
       place && check.grade !== "good" && h("button", { type: "button", class: "plain", onclick: () => shown?.mark(check.begin_s, check.end_s) }, "Show the place")));
   });
   return h("section", { "aria-label": "Checks" }, h("h3", {}, "Checks before a fit"),
-    rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.status === "bad_input" ? "" : look.message, "care"),
+    rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.message, "care"),
     look.warnings.length ? h("ul", { class: "notes" }, look.warnings.map((text) => h("li", {}, text))) : null,
     look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
