@@ -199,6 +199,14 @@ class Proposal:
         """Whether nothing has to be decided, so that the file can be read with this map."""
         return not self.open
 
+    @property
+    def remedy(self) -> str:
+        """What is to be done with the map: the channels that it lacks, else what in it is a guess."""
+        names = (text.partition(":")[0] for text in self.open)
+        lacking = " and ".join(name for name in names if name not in self.channels.channels)
+        guessed = "units" if all("is guessed" in text for text in self.open) else "channels and units"
+        return f"Add {lacking}" if lacking else f"Confirm the guessed {guessed}"
+
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     """Assign the channels of a file to quantities by names, units and ranges.
