@@ -83,6 +83,9 @@ def test_strips_show_the_channels_of_the_map_as_it_is_changed(page, strips):
     assert page.locator(".strips .uplot").count() == 2
     page.check("[aria-label='Plot Druck_Zylinder']")  # as it is, without a quantity
     page.locator(".strips .uplot").nth(2).wait_for()
+    page.select_option("[aria-label='Quantity of Tastverhältnis_Belüftung']", "")
+    drawn = page.locator(".u-legend", has_text="duty_exhaust (Tastverhältnis_Entlüftung)")
+    assert "Tastverhältnis_Belüftung" in drawn.inner_text()  # a candidate of what the map lacks
 
 
 def test_the_map_of_another_recording_is_used_and_what_only_that_one_has_can_be_removed(page, opened, strips):

@@ -6,6 +6,7 @@ import { strips } from "./strips.js";
 const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N: ["N", 1], K: ["°C", 1, -273.15], "m/s": ["mm/s", 1e3] };
 const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperature", N: "force", "m/s": "velocity", s: "time" };
 const MOST_CHANNELS = 200;
+const MOST_CANDIDATES = 4;    // that are drawn of a duty cycle
 
 const drafts = new Map();     // by recording the map as it is edited, the one last given, and the one shown by the server then
 const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
@@ -177,12 +178,14 @@ async function forget(recording) {
   await send("DELETE", `/api/recordings/${recording.id}`);
 }
 
-/** The channels that are plotted: those that the map names, unless they were ticked or unticked. */
+/** The channels that are plotted, unless they were ticked or unticked: those that the map names, and the candidates of a duty cycle that it lacks. */
 function selection(recording) {
   const several = recording.look.grids.length > 1;
   const [draft, every, ticked] = [draftOf(recording), channelsOf(recording), plotted.get(recording.id)];
   const named = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
-  const usual = new Set(named.length ? named : every.slice(1, 4));
+  const lacking = ["duty_supply", "duty_exhaust"].some((name) => !draft[name]);
+  const candidates = lacking ? every.filter((channel) => channel.si === "1" && channel.high > channel.low && !named.includes(channel)) : [];
+  const usual = new Set(named.length ? [...named, ...candidates.slice(0, MOST_CANDIDATES)] : every.slice(1, 4));
   return new Set(every.filter((channel) => ticked?.get(channel.key) ?? usual.has(channel)).map((channel) => channel.key));
 }
 
