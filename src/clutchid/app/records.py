@@ -79,6 +79,7 @@ class Result:
     command: str = ""
     python: str = ""
     exports: tuple[Json, ...] = ()
+    map: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)

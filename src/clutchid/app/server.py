@@ -87,6 +87,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/results/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/results/{id}/plot", _of(session, partial(_plot, Result))),
         Route("/api/results/{id}/export", _of(session, _export), methods=["POST"]),
+        Route("/api/results/{id}/map.toml", _of(session, _map_file)),
         Route("/api/results/{id}/files/{name}", _of(session, _result_file)),
         Mount("/static", StaticFiles(directory=_STATIC)),
     ]
@@ -217,10 +218,10 @@ async def _set_map(session: Session, request: Request) -> Response:
 
 
 async def _map_file(session: Session, request: Request) -> Response:
-    recording = session.board.get(Recording, request.path_params["id"])
-    if recording is None or recording.map is None:
+    item = session.board.item(request.path_params["id"])
+    if not isinstance(item, Recording | Result) or item.map is None:
         raise DataError("this recording has no channel map of its own.")
-    return FileResponse(recording.map, headers=_attachment(f"{recording.name}.map.toml"))
+    return FileResponse(item.map, headers=_attachment(f"{item.name}.map.toml"))
 
 
 async def _cut(session: Session, request: Request) -> Response:

@@ -140,10 +140,12 @@ class Session:
         # the result names its calibration as the command does
         first = shutil.copyfile(calibration, folder / asked.start.name) if calibration and asked.start else None
         name = self._name(verb, id_, recordings)
+        chosen = files[0].map if asked.files.map else None  # which outlives its recording
+        own = shutil.copyfile(chosen, folder / "map.toml") if chosen else None
         task = records.FitRecordings(asked, name, files, folder, others, first)
         result = records.Result(
             id_, verb, name, recordings=tuple(recordings), verify=tuple(verify), start=start,
-            options=asked.search, made=time.time(), command=command, python=python,
+            options=asked.search, made=time.time(), command=command, python=python, map=own,
         )  # fmt: skip
         return self._begin(name, "fits", result, task)
 

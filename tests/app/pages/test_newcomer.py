@@ -43,6 +43,12 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     page.click("text=Repeat it on the command line")
     assert "clutchid calibrate Messung.mf4 --map Messung.mf4.map.toml" in page.locator("pre").first.inner_text()
 
+    page.click("nav >> text=Recording")
+    page.click("text=Forget this recording")
+    opened("Verschleiss.mf4", 5)
+    page.click("text=Use the map of calibrate Messung.mf4 (3)")
+    page.locator("text=map.toml").wait_for()
+
 
 def test_a_calibrated_curve_takes_three_clicks_and_its_report_is_opened_beside_the_page(page, opened):
     opened("cal.csv")  # the choice of a file is one

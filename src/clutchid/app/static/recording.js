@@ -271,7 +271,10 @@ function drawChannels(holder, recording, replot) {
   };
   const apply = () => put({ channels: draft }, () => Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) }));
   const use = async (text) => put({ toml: await text }, () => drafts.delete(recording.id));
-  const mapped = all("recording").filter((other) => other.map && other.id !== recording.id);
+  const calibrated = all("result").filter((result) => result.map && result.found?.is_calibration);
+  const mapped = [...all("recording").filter((other) => other.map && other.id !== recording.id), ...calibrated];
+  const useOf = async (id) => use((await fetch(`/api/${id.split("-")[0]}s/${id}/map.toml`)).text());
+  const usual = recording.map ? null : calibrated.at(-1);
   const others = look.grids.flatMap((grid) => grid.without_numbers);
   fill(holder, h("h3", {}, "Channels"),
     h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
@@ -280,7 +283,8 @@ function drawChannels(holder, recording, replot) {
     (changed || readable(recording)) && h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
     h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: ({ target }) => target.files.length && use(target.files[0].text()) })),
-    mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording", onchange: async ({ target }) => use((await fetch(`/api/recordings/${target.value}/map.toml`)).text()) },
+    usual && h("button", { type: "button", id: "map-of-calibration", class: "plain", onclick: () => useOf(usual.id) }, `Use the map of ${usual.name}`),
+    mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording or of a calibration", onchange: ({ target }) => useOf(target.value) },
       h("option", { value: "" }, "Use the map of …"), mapped.map((other) => h("option", { value: other.id }, other.name))),
     recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
     notice(messages.get(recording.id)),
