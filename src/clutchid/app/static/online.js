@@ -1,7 +1,7 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, gone, h, item, lasts, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
+import { all, fill, gone, h, item, lasts, named, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
 import { curves } from "./curves.js";
-import { strips } from "./strips.js";
+import { EDGE, UNDER, strips } from "./strips.js";
 import { calibrations } from "./load.js";
 import { has, readable, ready, unchecked } from "./recording.js";
 
@@ -67,7 +67,7 @@ function drawForm(form, redraw) {
 
 function drawPlayer(player, run, showStage) {
   if (!run) { fill(player, h("p", { class: "hint" }, "Nothing yet: run an observer.")); return null; }
-  const head = h("div", { class: "head" }, h("h2", {}, run.name), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
+  const head = h("div", { class: "head" }, h("h2", {}, named(run.name)), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
   const { found } = run;
   if (!found) { fill(player, head, run.message ? notice(run.message) : h("p", { class: "hint" }, `${run.status} …`)); return null; }
   const [begin, end] = found.span;
@@ -96,8 +96,8 @@ function drawPlayer(player, run, showStage) {
     span: [begin, end], read: (...rest) => points(`/api/observations/${run.id}/plot`, ...rest),
     panels: [
       { title: "position", unit: "mm", series: line("position", "position", "blue", 1e3) },
-      { title: "pressure", unit: "bar", series: [...line("pressure_a_measured [Pa]", "measured", "measured", 1e-5, { width: 2.5 }), ...line("pressure_a", "estimated", "blue", 1e-5),
-        ...line("pressure_a low", "95 % from", "blue", 1e-5, { dash: [4, 4], width: 0.75 }), ...line("pressure_a high", "to", "blue", 1e-5, { dash: [4, 4], width: 0.75 })] },
+      { title: "pressure", unit: "bar", series: [...line("pressure_a", "estimated", "blue", 1e-5, UNDER), ...line("pressure_a_measured [Pa]", "measured", "ink", 1e-5),
+        ...line("pressure_a low", "95 % from", "blue", 1e-5, EDGE), ...line("pressure_a high", "to", "blue", 1e-5, EDGE)] },
       { title: "innovation", unit: "mm", series: line("innovation", "measured − predicted position", "orange", 1e3) },
       { title: "usable", unit: "", series: [...line("used [1]", "position usable", "green", 1), ...line("nis_ratio [1]", "innovations against usual", "purple", 1)] },
     ].filter((panel) => panel.series.length),
@@ -126,7 +126,7 @@ function drawPlayer(player, run, showStage) {
     if (row.stroke !== drawnStroke) {
       drawnStroke = row.stroke;
       chart?.end();
-      const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N });
+      const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N, reach: found.reach_m });
       chart = curves(load, "Load as it is known at this time", [curve("before the first sample", 5, found.calibrated), curve("now", 0, row.curve)]);
       words.textContent = row.stroke ? `After stroke ${row.stroke}, which ended at ${row.time.toFixed(2)} s.` : "Before the end of the first stroke.";
     }

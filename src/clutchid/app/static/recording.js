@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, item, lasts, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
@@ -142,7 +142,7 @@ function drawDetails(details) {
         h("li", {}, "Estimate the load of the worn one, and compare both."))));
     return;
   }
-  const head = h("div", { class: "head" }, h("h2", {}, recording.name),
+  const head = h("div", { class: "head" }, h("h2", {}, named(recording.name)),
     h("button", { type: "button", class: "plain", onclick: () => forget(recording) }, "Forget this recording"));
   if (!recording.look) {
     fill(details, head, recording.message ? notice(recording.message) : h("p", { class: "hint" }, "Reading …"));
@@ -182,10 +182,10 @@ async function forget(recording) {
 function selection(recording) {
   const several = recording.look.grids.length > 1;
   const [draft, every, ticked] = [draftOf(recording), channelsOf(recording), plotted.get(recording.id)];
-  const named = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
+  const mapped = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
   const lacking = ["duty_supply", "duty_exhaust"].some((name) => !draft[name]);
-  const candidates = lacking ? every.filter((channel) => channel.si === "1" && channel.high > channel.low && !named.includes(channel)) : [];
-  const usual = new Set(named.length ? [...named, ...candidates.slice(0, MOST_CANDIDATES)] : every.slice(1, 4));
+  const candidates = lacking ? every.filter((channel) => channel.si === "1" && channel.high > channel.low && !mapped.includes(channel)) : [];
+  const usual = new Set(mapped.length ? [...mapped, ...candidates.slice(0, MOST_CANDIDATES)] : every.slice(1, 4));
   return new Set(every.filter((channel) => ticked?.get(channel.key) ?? usual.has(channel)).map((channel) => channel.key));
 }
 
@@ -239,7 +239,7 @@ function drawChannels(holder, recording, replot) {
     return h("tr", {},
       h("td", {}, h("input", { type: "checkbox", id: `plot-${index}`, checked: drawn.has(channel.key), "aria-label": `Plot ${channel.heading}`,
         onchange: (event) => { tick(recording, channel.key, event.target.checked); replot(); } })),
-      h("th", { scope: "row", class: "channel" }, channel.heading, several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
+      h("th", { scope: "row", class: "channel" }, named(channel.heading), several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
       h("td", {}, h("select", { id: `quantity-${index}`, "aria-label": `Quantity of ${channel.heading}`, onchange: (event) => {
         if (quantity) delete draft[quantity];
         const name = event.target.value;
@@ -258,7 +258,7 @@ function drawChannels(holder, recording, replot) {
       h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
   });
   const absent = Object.entries(draft).filter(([, entry]) => !every.some((channel) => channel.heading === entry.channel)).map(([name, entry]) => h("tr", { class: "absent" }, h("td", {}),
-    h("th", { scope: "row", class: "channel" }, entry.channel, h("span", { class: "hint" }, " not in this recording")), h("td", {}, name),
+    h("th", { scope: "row", class: "channel" }, named(entry.channel), h("span", { class: "hint" }, " not in this recording")), h("td", {}, name),
     h("td", { colSpan: 7 }, h("button", { type: "button", class: "plain", "aria-label": `Remove ${name} from the map`, onclick: () => { delete draft[name]; redraw(); } }, "Remove from the map"))));
   const changed = isEdited(recording);
   const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.013bar" });
