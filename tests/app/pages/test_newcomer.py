@@ -4,7 +4,7 @@
 AT_MILLIMETRES = """(chart, positions) => positions.map((x) => {
   const [canvas, over] = [chart.querySelector("canvas"), chart.querySelector(".u-over")];
   const left = over.offsetLeft + over.clientWidth * x / 24.7;
-  return canvas.getContext("2d").getImageData(left * devicePixelRatio, over.offsetTop + 3, 1, 1).data.slice(0, 3).join();
+  return canvas.getContext("2d").getImageData(left, over.offsetTop + 3, 1, 1).data.slice(0, 3).join();
 })"""
 
 

@@ -246,7 +246,7 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     for name in missing:
         left = _left(source, name, channels)
         sole = [QUANTITIES[other] for other in missing].count(QUANTITIES[name]) == 1 and not unused[name]
-        if sole and name != "time" and len(left) == 1 and left[0].unit and not is_set_point(left[0].text):
+        if sole and name in INPUTS and len(left) == 1 and left[0].unit and not is_set_point(left[0].text):
             channels[name] = Channel(left[0].text)
             remarks.append(f"{name}: '{left[0].text}' is proposed, the only channel left with a unit of it.")
         else:
