@@ -19,7 +19,7 @@ let begun = "";               // a result that was begun here, whose answer is s
 let plots = [];
 
 export { calibrations };
-lasts("load", { chosen, verified, options, known, board, opened, target });
+lasts("load", { chosen, verified, options, known, board, opened, target, get open() { return open; }, set open(id) { open = id; } });
 
 export function loadStage(main, show) {
   const forms = h("div", { class: "forms" });
@@ -64,7 +64,7 @@ function offer() {
   for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id) || (one("recording", id) && !readable(one("recording", id)))) set.delete(id);
   for (const id of board) if (gone.has(id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
-  if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
+  if ((!open || gone.has(open)) && !awaited) open = all("result").at(-1)?.id ?? "";
   if (gone.has(chosen.start)) chosen.start = "";
 }
 

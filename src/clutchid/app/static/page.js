@@ -117,8 +117,8 @@ export async function learn() {
   Object.assign(about, await ask("/api/about"));
   const name = `clutchid ${about.session}`;
   const kept = sessionStorage.getItem(name);
-  restore(lasting, kept ? JSON.parse(kept) : { older: about.offered });
-  const save = () => sessionStorage.setItem(name, JSON.stringify(lasting, (_, value) => (value instanceof Set || value instanceof Map ? [...value] : value)));
+  restore(lasting, kept ? JSON.parse(kept, (_, value) => (value?.$map ? new Map(value.$map) : value?.$set ? new Set(value.$set) : value)) : { older: about.offered });
+  const save = () => sessionStorage.setItem(name, JSON.stringify(lasting, (_, value) => (value instanceof Set ? { $set: [...value] } : value instanceof Map ? { $map: [...value] } : value)));
   for (const event of ["pagehide", "visibilitychange", "change", "click"]) addEventListener(event, save);
 }
 

@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
@@ -12,10 +12,11 @@ const drafts = new Map();     // by recording the map as it is edited, the one l
 const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
-lasts("recording", { drafts });
 const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
   open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
+const picked = new Map();     // by recording, the strokes that were chosen in its table
+lasts("recording", { drafts, plotted, searches, picked, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let shown = null;             // the strips of the recording that is shown, where they are, and of what
 let holderOfShown = null;
 let keyOfShown = "";
@@ -31,7 +32,7 @@ export function recordingStage(main) {
   return {
     changed(these) {
       if ([...these].some((text) => text.startsWith("recording"))) {
-        if (!one("recording", chosen)) chosen = all("recording").at(-1)?.id ?? "";
+        if (!chosen || gone.has(chosen)) chosen = all("recording").at(-1)?.id ?? "";
         drawList(list, details);
       }
       if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details);
@@ -308,8 +309,6 @@ function drawChecks(recording) {
     look.warnings.length ? h("ul", { class: "notes" }, look.warnings.map((text) => h("li", {}, text))) : null,
     look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
-
-const picked = new Map();
 
 function drawStrokes(recording, redraw) {
   const { strokes = [] } = recording.look;

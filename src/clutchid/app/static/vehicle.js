@@ -1,10 +1,11 @@
 // The stage "Vehicle and fleet": the vehicles of a fleet, and of one its trend with alarms and forecast, and its loads.
-import { all, badge, drawBox, fill, h, item, named, notice, one, plural, send, sending, short, table } from "./page.js";
+import { all, badge, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, send, sending, short, table } from "./page.js";
 import { curves, trends } from "./curves.js";
 
 const PART = 100;             // vehicles that are shown at a time
 const states = new Map();     // of a fleet: filter, sort, part; of a vehicle: its loads that are overlaid, forecast
 let chosen = "";
+lasts("vehicle", { states, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let running = null;           // what draws and must be ended
 const box = { id: "tables-", of: "tables", title: "Drop results of track or fleet here", none: "No results here.", take,
   accepts: "FILE.parquet of clutchid track, with FILE.load.parquet; or of the folder of clutchid fleet",
@@ -18,7 +19,7 @@ export function vehicleStage(main) {
   let drawn = "";
   const draw = (these) => {
     if (these && ![...these].some((text) => text.startsWith("table"))) return;
-    if (!one("table", chosen) && !awaited()) chosen = all("table").at(-1)?.id ?? "";
+    if ((!chosen || gone.has(chosen)) && !awaited()) chosen = all("table").at(-1)?.id ?? "";
     drawList(list, draw);
     const table = one("table", chosen);
     const now = JSON.stringify([chosen, table?.status, table?.message, Boolean(table?.found)]);
