@@ -28,7 +28,7 @@ from clutchid.verbs.observing import ObserveRequest, observed
 from clutchid.verbs.options import pressure_option
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
 from clutchid.verbs.reading import Reading
-from clutchid.verbs.start import calibration_file, read_calibration
+from clutchid.verbs.start import calibration_file, saved_load
 from clutchid.verbs.stored import copied, sections, stored_recording, write_columns
 
 if TYPE_CHECKING:
@@ -167,16 +167,16 @@ def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str
     """
     events.progress("reading", None, "reading")
     try:
-        origin, curve = read_calibration(task.path)
+        saved = saved_load(task.path)
     except ParameterError as error:
         if is_map(task.path):
             advice = "give it to a recording with “Use a map” in its table of channels"
             raise ParameterError(f"{task.name}: is a channel map; {advice}.") from None
         raise ParameterError(str(error).replace(str(task.path), task.name)) from None
     return {
-        "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
-        "trust": origin.trust or "",
-        "created": origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
+        "status": "ok", "load_curve": curve_json(saved.load), "reach_m": saved.reach, "trust": saved.trust or "",
+        "is_calibration": saved.is_calibration, "created": saved.created, "files": ["fit.toml"], "recordings": [],
+        "reasons": [], "parameters": {},
     }  # fmt: skip
 
 

@@ -23,6 +23,7 @@ from cyclopts.exceptions import (
 
 from clutchid.cli.app import app as page
 from clutchid.cli.common import COMMON, DONE, FAILED, INTERRUPTED, complain
+from clutchid.cli.compare import compare
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.export import export
@@ -52,6 +53,7 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (calibrate, "LOGS... [--save CAL.toml] [OPTIONS]"),
     (estimate, "LOGS... --start CAL.toml [OPTIONS]"),
     (page, "[FILES...] [OPTIONS]"),
+    (compare, "SAVED... [OPTIONS]"),
     (simulate, "LOG --parameters FIT.toml --out SIM.parquet [OPTIONS]"),
     (observe, "LOG --start CAL.toml --out EST.parquet [OPTIONS]"),
     (export, "CALIBRATION --out FOLDER [OPTIONS]"),
