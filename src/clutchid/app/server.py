@@ -24,7 +24,7 @@ from starlette.staticfiles import StaticFiles
 
 from clutchid.app import uploads
 from clutchid.app.commands import METHOD_CHOICES, VERBS
-from clutchid.app.folder import end_folder, new_folder, opening_page
+from clutchid.app.folder import end_folder, new_folder, opening_page, project_folder
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
 from clutchid.app.records import Observation, Recording, Result, Table
 from clutchid.app.session import Session
@@ -53,8 +53,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
-        for path in session.named:
-            _open_any(session, path)
+        session.resume()
         begun()
         with contextlib.suppress(OSError):
             await session.jobs.warm_up()
@@ -171,14 +170,7 @@ async def _received(session: Session, request: Request, kind: str = "recording",
 
 async def _open_path(session: Session, request: Request) -> Response:
     (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": _open_any(session, uploads.allowed_path(path, session.below, session.named))})
-
-
-def _open_any(session: Session, path: Path) -> str:
-    """A file as a calibration or as a recording, by its suffix."""
-    if path.suffix.lower() == ".toml":
-        return session.open_calibration(path, path.name, move=False)
-    return session.open(path)
+    return JSONResponse({"id": session.open_any(uploads.allowed_path(path, session.below, session.named))})
 
 
 async def _forget(session: Session, request: Request) -> Response:
@@ -337,7 +329,7 @@ def bound(port: int) -> socket.socket:
 
 def serve(
     files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
-    *, port: int = 0, browser: bool = True, keep: bool = False,
+    *, port: int = 0, browser: bool = True, keep: bool = False, project: bool = False,
     trace: Callable[[str], None] = lambda _: None,
 ) -> Path:  # fmt: skip
     """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
@@ -354,6 +346,8 @@ def serve(
         Called with the traceback of an error in a job that nobody expected.
     port
         Of this machine; 0 for any that is free.
+    project
+        Whether recordings, maps and results are kept in the folder `below` for the next server.
 
     Raises
     ------
@@ -370,7 +364,7 @@ def serve(
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
     listener = bound(port)
-    folder = new_folder(base)
+    folder = project_folder(below.resolve()) if project else new_folder(base)
     try:
         access = Access(listener.getsockname()[1])
 
@@ -379,11 +373,13 @@ def serve(
             if browser:
                 webbrowser.open(opening_page(folder, access.address).as_uri())
 
-        app = application(Session(folder, below, [file.absolute() for file in files], trace), access, begun)
+        app = application(
+            Session(folder, below, [file.absolute() for file in files], trace, project=project), access, begun
+        )
         config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
         with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         listener.close()
-        end_folder(folder, keep=keep)
+        end_folder(folder, keep=keep, project=project)
     return folder

@@ -17,6 +17,7 @@ from clutchid.app import records
 from clutchid.app.board import Board
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
+from clutchid.app.project import read_project, write_project
 from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
@@ -35,18 +36,51 @@ class Session:
         The folder whose files may be opened by path, and further files.
     trace
         Called with the traceback of an error in a job that nobody expected.
+    project
+        Whether recordings, maps and results come back with the next server of this folder.
     """
 
     def __init__(
-        self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
-    ) -> None:
+        self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None,
+        *, project: bool = False,
+    ) -> None:  # fmt: skip
         self.name = uuid4().hex
         self.folder, self.below, self.named = folder, below.resolve(), tuple(named)
         self.board = Board()
+        kept = read_project(folder) if project else []
+        for item in kept:
+            self.board.put(item)
+        if project:
+            self.board.keep = self._keep
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
-        self._numbers = itertools.count(1)
+        self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in kept), default=0))
+
+    def _keep(self) -> None:
+        write_project(self.folder, self.board.kept_items())
+
+    def resume(self) -> None:
+        """Begin to read the recordings and tables of a project again, and the files that were named."""
+        for recording in self.board.all(records.Recording):
+            self._look(recording, copied=False)
+        for table in self.board.all(records.Table):
+            self.open_table(table.path, table.id, table.vehicle)
+        there = {item.path for item in self.board.all(records.Recording)}
+        for path in self.named:
+            if path not in there:
+                self.open_any(path)
 
     # recordings
+
+    def open_any(self, path: Path) -> str:
+        """Begin to read a file as a calibration or as a recording, by its suffix; the id."""
+        is_toml = path.suffix.lower() == ".toml"
+        return self.open_calibration(path, path.name, move=False) if is_toml else self.open(path)
+
+    def _look(self, recording: records.Recording, *, copied: bool) -> None:
+        self.board.update(recording.id, status="reading", message="")
+        file = records.File(recording.path, recording.map)
+        task = records.Look(file, self._columns(recording.id), recording.ambient, copied=copied)
+        self.jobs.submit(f"{'check' if copied else 'open'} {recording.name}", "files", task, recording.id)
 
     def upload_path(self, name: str, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
         """An id and a new file for an upload with this name, in a folder of its own or in that of another upload."""
@@ -73,7 +107,7 @@ class Session:
         """
         from clutchid.verbs.looking import read_map
 
-        recording = self._recording(id_)
+        self._recording(id_)
         pressure_option(ambient or None)
         file = self.folder / "maps" / id_ / "map.toml"
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -87,9 +121,8 @@ class Session:
             raise ParameterError("map: entries of a channel map are texts and numbers.") from None
         replace(tried, file)
         self.jobs.cancel_about(id_)
-        self.board.update(id_, map=file, ambient=ambient, status="reading", message="")
-        task = records.Look(records.File(recording.path, file), self._columns(id_), ambient, copied=True)
-        self.jobs.submit(f"check {recording.name}", "files", task, id_)
+        self.board.update(id_, map=file, ambient=ambient)
+        self._look(self._recording(id_), copied=True)
 
     def cut(self, id_: str, begins: Sequence[float]) -> str:
         """Begin to write the strokes of a recording that begin at these times in s as a new recording; its id.

@@ -69,8 +69,8 @@ def files(tmp_path_factory):
 @pytest.fixture
 def server(files):
     """The address of a server whose folder is that of the files."""
-    command = [sys.executable, "-m", "clutchid", "app", "--no-browser", "--folder", str(files)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "clutchid", "app", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=files)
     yield process.stdout.readline().strip()
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=20)
