@@ -150,6 +150,9 @@ def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
     event = working.wait(id_, "ready")
     assert (event["name"], event["message"]) == ("cal-cut.parquet", "")
     assert 0 < event["look"]["grids"][0]["samples"] < 3000
+    id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [1.0, 2.0]}).json["id"]
+    assert working.wait(id_, "ready")["look"]["grids"][0]["samples"] == 1000
+    assert "no range of time" in working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [2.0, 1.0]}).message
 
 
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):

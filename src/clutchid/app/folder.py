@@ -55,10 +55,10 @@ def project_folder(below: Path) -> Path:
         If it cannot be made, or another server has it.
     """
     folder = below / ".clutchid-app"
+    if _is_alive(folder):
+        raise ExportError(f"{folder}: another clutchid app has this project open; end it, or name another folder.")
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        if _is_alive(folder):
-            raise ExportError(f"{folder}: another clutchid app has this project open; end it, or name another folder.")
         private(folder / _LOCK, json.dumps({"pid": os.getpid(), "born": _born(os.getpid())}))
     except OSError as error:
         raise ExportError(f"{folder}: the project cannot be kept there ({reason_of(error)}).") from error

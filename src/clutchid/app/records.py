@@ -131,12 +131,13 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Write the strokes of copied columns that begin at these times in s to a new file, and look at it."""
+    """Write strokes of copied columns, by their begins, or a span of time in s to a new file, and look at it."""
 
     source: Path
     map: Path | None
     begins: tuple[float, ...]
     look: Look
+    span: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -217,10 +217,11 @@ async def _map_file(session: Session, request: Request) -> Response:
 
 
 async def _cut(session: Session, request: Request) -> Response:
-    begins = (await _body(request)).get("begins")
-    if not isinstance(begins, list) or not begins or not all(isinstance(begin, int | float) for begin in begins):
-        raise ParameterError("cut: no stroke is chosen.")
-    return JSONResponse({"id": session.cut(request.path_params["id"], begins)})
+    body = await _body(request)
+    begins, span = (read_record(list[float], body.get(name, []), name) for name in ("begins", "span"))
+    if not begins and not (len(span) == 2 and span[0] < span[1]):
+        raise ParameterError("cut: no stroke and no range of time is chosen.")
+    return JSONResponse({"id": session.cut(request.path_params["id"], begins, (span[0], span[1]) if span else None)})
 
 
 async def _fit(session: Session, request: Request) -> Response:

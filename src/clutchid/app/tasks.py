@@ -87,7 +87,7 @@ def cut(task: records.Cut, events: Events) -> dict[str, Any]:
     """
     events.progress("cutting", None, "cutting")
     recording = stored_recording(task.source, task.map, pressure_option(task.look.ambient or None))
-    recording.cut(task.begins, task.look.file.path)
+    recording.cut(task.begins, task.look.file.path, task.span)
     return look(task.look, events)
 
 

@@ -162,8 +162,8 @@ function drawDetails(details) {
       h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
     ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
   if (!look.channels.length) return;
-  drawChannels(channels, recording, () => drawStrips(plots, recording));
-  if (!shown) drawStrips(plots, recording);
+  drawChannels(channels, recording, () => drawStrips(plots, recording, () => drawDetails(details)));
+  if (!shown) drawStrips(plots, recording, () => drawDetails(details));
 }
 
 function endStrips() {
@@ -195,7 +195,7 @@ function tick(recording, key, wanted) {
   plotted.get(recording.id).set(key, wanted);
 }
 
-function drawStrips(holder, recording) {
+function drawStrips(holder, recording, refused) {
   endStrips();
   const { look } = recording;
   const several = look.grids.length > 1;
@@ -218,7 +218,7 @@ function drawStrips(holder, recording) {
   const span = [Math.min(...spans.map((one) => one[0])), Math.max(...spans.map((one) => one[1]))];
   if (!(span[1] > span[0])) span[1] = span[0] + 1;
   [holderOfShown, keyOfShown] = [holder, stripsKey(recording)];
-  shown = strips(holder, { panels: [...panels.values()], span, read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
+  shown = strips(holder, { panels: [...panels.values()], span, cut: !unchecked(recording) && ((range) => cut(recording, { span: range }, refused)), read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
 }
 
 function drawChannels(holder, recording, replot) {
@@ -310,20 +310,22 @@ function drawChecks(recording) {
     look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
 
+/** Make a recording of the chosen strokes, or of a range of time, and show it. */
+async function cut(recording, which, redraw) {
+  try {
+    const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, which);
+    messages.delete(recording.id);
+    chosen = id;
+  } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
+}
+
 function drawStrokes(recording, redraw) {
   const { strokes = [] } = recording.look;
   const only = strokes.filter((stroke) => stroke.kind === "stroke");
   if (!only.length) return null;
   if (!picked.has(recording.id)) picked.set(recording.id, new Set());
   const these = picked.get(recording.id);
-  const cut = async () => {
-    try {
-      const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, { begins: [...these] });
-      messages.delete(recording.id);
-      chosen = id;
-    } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
-  };
-  const button = h("button", { type: "button", disabled: !these.size, onclick: cut }, "Cut out the chosen strokes");
+  const button = h("button", { type: "button", disabled: !these.size, onclick: () => cut(recording, { begins: [...these] }, redraw) }, "Cut out the chosen strokes");
   return h("section", { "aria-label": "Strokes" }, h("details", {}, h("summary", {}, h("h3", {}, plural(only.length, "stroke"))),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
       h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,

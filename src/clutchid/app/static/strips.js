@@ -9,9 +9,9 @@ let keys = 0;
 
 /**
  * Strips in `holder`. `panels` are {title, unit, series: [{label, colour, grid, column, value, delay, width, dash}]}, where `value`
- * turns a number as written into the one shown; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
+ * turns a number as written into the one shown; `cut([from, to])` takes the shown range; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
  */
-export function strips(holder, { panels, read, span, marks = [] }) {
+export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
   const key = `strips-${keys++}`;
   const plots = [];
   let [begin, end] = span;
@@ -29,6 +29,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
     button("−", "Zoom out", () => zoom(2)), button("◀", "Earlier", () => move(-0.5)), button("▶", "Later", () => move(0.5)),
     button("A", "A: set this cursor in the middle", () => set("a", (begin + end) / 2)),
     button("B", "B: set this cursor in the middle", () => set("b", (begin + end) / 2)),
+    cut && button("Cut out this range", "Cut out the shown range of time as a recording of its own, to fit that alone", () => cut([begin, end])),
     h("span", { class: "hint" }, "Drag to zoom, double-click for all; click sets A, Shift+click B."));
   holder.replaceChildren(tools, area, readout, error);
 
