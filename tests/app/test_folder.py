@@ -72,15 +72,15 @@ def test_a_project_comes_back_as_it_was_without_what_had_not_ended(tmp_path):
     first.board.update(recording, look={"checks": []}, status="ready")
     own = tmp_path / ".clutchid-app" / "results" / "result-2" / "map.toml"
     facts = {"options": RequestText(free="load"), "found": {"files": ["fit.toml"]}, "map": own}
-    done = Result("result-2", "calibrate", "calibrate run.csv (2)", "done", (recording,), **facts)
-    first.board.put(done)
+    fit = Result("result-2", "calibrate", "calibrate run.csv (2)", "done", (recording,), **facts)
+    first.board.put(fit)
     first.board.put(Result("result-3", "estimate", "estimate run.csv (3)", "running", (recording,)))
     end_folder(first.folder, keep=False, project=True)
 
     again, begun = project(tmp_path)
-    kept = again.board.get(Recording, recording)
-    assert (kept.map, kept.ambient) == (first.board.get(Recording, recording).map, "1bar")
-    assert again.board.all(Result) == [done]
+    same = again.board.get(Recording, recording)
+    assert (same.map, same.ambient) == (first.board.get(Recording, recording).map, "1bar")
+    assert again.board.all(Result) == [fit]
     again.resume()
     assert begun == ["open run.csv"]
     assert again.open(tmp_path / "run.csv") == "recording-3"

@@ -1,4 +1,4 @@
-"""What a page keeps in the folder of its project: recordings, maps and results, as they were when the server ended."""
+"""Recordings, maps and results that a page keeps in the folder of its project, as they were when the server ended."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ID = re.compile(r"(recording|result|observation|table)-\d+")
 
 
 def write_project(folder: Path, items: Iterable[PageItem]) -> None:
-    """Write what is to come back; a recording and a table are read again, a fit that has not ended is left out.
+    """Write the records that come back; a recording and a table are read again, a fit that has not ended is left out.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def write_project(folder: Path, items: Iterable[PageItem]) -> None:
 
 
 def read_project(folder: Path) -> list[PageItem]:
-    """What was written, empty where there is nothing yet.
+    """The records that were written, none where there is nothing yet.
 
     Raises
     ------

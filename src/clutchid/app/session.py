@@ -47,13 +47,13 @@ class Session:
         self.name = uuid4().hex
         self.folder, self.below, self.named = folder, below.resolve(), tuple(named)
         self.board = Board()
-        kept = read_project(folder) if project else []
-        for item in kept:
+        items = read_project(folder) if project else []
+        for item in items:
             self.board.put(item)
         if project:
             self.board.keep = self._keep
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
-        self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in kept), default=0))
+        self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in items), default=0))
 
     def _keep(self) -> None:
         write_project(self.folder, self.board.kept_items())

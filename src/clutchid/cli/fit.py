@@ -95,8 +95,8 @@ class FitOptions:
     Parameters
     ----------
     start
-        Parameter file to start from (TOML), such as a calibration. `estimate` needs one that `clutchid calibrate
-        --save` has written, `calibrate` continues its search; an actuator file has model and start values.
+        Parameter file to start from (TOML), such as a calibration. `estimate` needs one, as written by `clutchid
+        calibrate --save`; `calibrate` continues its search; an actuator file has model and start values.
     verify
         Recordings to simulate with the result, but not to fit.
     force

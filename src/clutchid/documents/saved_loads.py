@@ -24,34 +24,37 @@ _COLOURS = (STYLE.blue, STYLE.orange, STYLE.green, STYLE.red, STYLE.purple, STYL
 
 def saved_loads_document(saved: SavedLoads, command: str = "") -> Document:
     """Document of several saved loads."""
-    width = max(len(one.name) for one in saved.loads)
-    lines = [["", *(f"{mm} mm" for mm in POSITIONS)], *([one.name, *_at_positions(one)] for one in saved.loads)]
+    width = max(len(file.name) for file in saved.loads)
+    lines = [
+        ["", *(f"{mm} mm" for mm in POSITIONS)],
+        *([file.name, *_at_positions(file)] for file in saved.loads),
+    ]
     text = "\n".join(line[0].ljust(width) + "".join(cell.rjust(15) for cell in line[1:]) for line in lines)
     row = LabelRow(None, f"Load [N] with its 95 % interval:\n{text}", fixed=True, cells=tuple(map(tuple, lines)))
     return Document(
         "Loads side by side", rows=(row,), figure=lambda: Picture(saved_loads_figure(saved), _CAPTION, "Loads"),
         sections=lambda: [Chapter("Loads", (saved_loads_table(saved),))], data=lambda: saved_loads_json(saved),
-        command=command, sources={one.name: one.sha256 for one in saved.loads},
+        command=command, sources={file.name: file.sha256 for file in saved.loads},
     )  # fmt: skip
 
 
-def _at_positions(one: SavedLoad) -> list[str]:
+def _at_positions(file: SavedLoad) -> list[str]:
     """The load where the clutch engages, a dash beyond the recorded range."""
-    y, force, low, high = one.load.table().T
+    y, force, low, high = file.load.table().T
     values = ([float(np.interp(mm * MM, y, side)) for side in (force, low, high)] for mm in POSITIONS)
     cells = [with_interval(middle, (top - bottom) / 2) for middle, bottom, top in values]
-    return ["-" if mm * MM > one.reach else cell for mm, cell in zip(POSITIONS, cells, strict=True)]
+    return ["-" if mm * MM > file.reach else cell for mm, cell in zip(POSITIONS, cells, strict=True)]
 
 
 def saved_loads_figure(saved: SavedLoads) -> Figure:
     """The loads with their bands."""
     figure, (axis,) = new_figure([3.7])
     mark_span(axis, ENGAGING[0] / MM, ENGAGING[1] / MM, "engagement, 5 to 8 mm")
-    for number, one in enumerate(saved.loads):
-        x, curve, colour = one.load.position / MM, one.load, _COLOURS[number % len(_COLOURS)]
-        within = ~(curve.position > one.reach)
+    for number, file in enumerate(saved.loads):
+        x, curve, colour = file.load.position / MM, file.load, _COLOURS[number % len(_COLOURS)]
+        within = ~(curve.position > file.reach)
         fill(axis, x[within], curve.low[within], curve.high[within], Line(colour, opacity=0.2, layer=1))
-        draw(axis, x[within], curve.force[within], Line(colour, one.name, 2.0))
+        draw(axis, x[within], curve.force[within], Line(colour, file.name, 2.0))
         draw(axis, x[~within], curve.force[~within], Line(colour, "", 1.4, (0, (4, 3))))
     label(axis, "position [mm]", "load [N]")
     legend(axis, 2)
@@ -67,10 +70,19 @@ def saved_loads_table(saved: SavedLoads) -> ReportTable:
         Column("reach [m]", "recorded\nup to [mm]", MM, 1),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for one in saved.loads:
-        furthest = float(np.nanmin([one.reach, one.load.position[-1]]))
-        peak = float(one.load.force[one.load.peak(furthest)])
-        rows.append((one.name, one.created[:10], one.trust, peak, *half_load_band(one.load, furthest), one.reach))
+    for file in saved.loads:
+        furthest = float(np.nanmin([file.reach, file.load.position[-1]]))
+        peak = float(file.load.force[file.load.peak(furthest)])
+        rows.append(
+            (
+                file.name,
+                file.created[:10],
+                file.trust,
+                peak,
+                *half_load_band(file.load, furthest),
+                file.reach,
+            )
+        )
     return ReportTable("Saved loads", columns, tuple(rows), note="Intervals at 95 %.")
 
 
@@ -78,7 +90,11 @@ def saved_loads_json(saved: SavedLoads) -> dict[str, Any]:
     """The JSON object of ``clutchid compare``."""
     facts = ("name", "created", "sha256", "trust")
     loads = [
-        {**{fact: getattr(one, fact) for fact in facts}, "load_curve": curve_json(one.load), "reach_m": one.reach}
-        for one in saved.loads
+        {
+            **{fact: getattr(file, fact) for fact in facts},
+            "load_curve": curve_json(file.load),
+            "reach_m": file.reach,
+        }
+        for file in saved.loads
     ]
     return {"status": "ok", "message": "", "loads": loads}

@@ -107,10 +107,10 @@ def saved_load(path: Path) -> SavedLoad:
     content = read_parameters(path)
     calibration, curve, reach = content.calibration, None, math.nan
     if "load" in content.fit:
-        kept = read_record(_Kept, content.fit["load"], f"{path}: [fit.load]")
-        sides = kept.position, kept.force, kept.low, kept.high
-        curve, reach = LoadCurve(*sides), kept.reach
-        if len({side.size for side in sides}) != 1 or kept.position.size < 2:
+        section = read_record(_Kept, content.fit["load"], f"{path}: [fit.load]")
+        sides = section.position, section.force, section.low, section.high
+        curve, reach = LoadCurve(*sides), section.reach
+        if len({side.size for side in sides}) != 1 or section.position.size < 2:
             raise ParameterError(f"{path}: [fit.load]: as many positions as forces are needed; save the fit again.")
     elif calibration and (by_data := calibrated_curve(content.actuator, calibration)):
         curve = by_data.widened(QUANTILE * calibration.missed)

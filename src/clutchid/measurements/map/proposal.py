@@ -201,7 +201,7 @@ class Proposal:
 
     @property
     def remedy(self) -> str:
-        """What is to be done with the map: the channels that it lacks, else what in it is a guess."""
+        """Request to add the channels that the map lacks, or else to confirm its guesses."""
         names = (text.partition(":")[0] for text in self.open)
         lacking = " and ".join(name for name in names if name not in self.channels.channels)
         guessed = "units" if all("is guessed" in text for text in self.open) else "channels and units"
