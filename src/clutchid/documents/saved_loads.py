@@ -25,10 +25,7 @@ _COLOURS = (STYLE.blue, STYLE.orange, STYLE.green, STYLE.red, STYLE.purple, STYL
 def saved_loads_document(saved: SavedLoads, command: str = "") -> Document:
     """Document of several saved loads."""
     width = max(len(file.name) for file in saved.loads)
-    lines = [
-        ["", *(f"{mm} mm" for mm in POSITIONS)],
-        *([file.name, *_at_positions(file)] for file in saved.loads),
-    ]
+    lines = [["", *(f"{mm} mm" for mm in POSITIONS)], *([file.name, *_at_positions(file)] for file in saved.loads)]
     text = "\n".join(line[0].ljust(width) + "".join(cell.rjust(15) for cell in line[1:]) for line in lines)
     row = LabelRow(None, f"Load [N] with its 95 % interval:\n{text}", fixed=True, cells=tuple(map(tuple, lines)))
     return Document(
@@ -73,16 +70,7 @@ def saved_loads_table(saved: SavedLoads) -> ReportTable:
     for file in saved.loads:
         furthest = float(np.nanmin([file.reach, file.load.position[-1]]))
         peak = float(file.load.force[file.load.peak(furthest)])
-        rows.append(
-            (
-                file.name,
-                file.created[:10],
-                file.trust,
-                peak,
-                *half_load_band(file.load, furthest),
-                file.reach,
-            )
-        )
+        rows.append((file.name, file.created[:10], file.trust, peak, *half_load_band(file.load, furthest), file.reach))
     return ReportTable("Saved loads", columns, tuple(rows), note="Intervals at 95 %.")
 
 
@@ -90,11 +78,7 @@ def saved_loads_json(saved: SavedLoads) -> dict[str, Any]:
     """The JSON object of ``clutchid compare``."""
     facts = ("name", "created", "sha256", "trust")
     loads = [
-        {
-            **{fact: getattr(file, fact) for fact in facts},
-            "load_curve": curve_json(file.load),
-            "reach_m": file.reach,
-        }
+        {**{fact: getattr(file, fact) for fact in facts}, "load_curve": curve_json(file.load), "reach_m": file.reach}
         for file in saved.loads
     ]
     return {"status": "ok", "message": "", "loads": loads}
