@@ -6,8 +6,11 @@ import stat
 
 import pytest
 
-from clutchid.app.folder import end_folder, new_folder, opening_page, sweep
-from clutchid.errors import ExportError
+from clutchid.app.folder import end_folder, new_folder, opening_page, project_folder, sweep
+from clutchid.app.records import Recording, Result
+from clutchid.app.session import Session
+from clutchid.errors import DataError, ExportError
+from clutchid.verbs.options import RequestText
 
 
 def mode(path):
@@ -51,3 +54,44 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path):
     (tmp_path / "app").write_text("a file")
     with pytest.raises(ExportError, match="CLUTCHID_CACHE"):
         new_folder(tmp_path / "app")
+
+
+def project(folder):
+    """A session of a project that begins no job, and the jobs that it would begin."""
+    session = Session(project_folder(folder), folder, project=True)
+    session.jobs.submit = lambda title, *_: begun.append(title)
+    begun = []
+    return session, begun
+
+
+def test_a_project_comes_back_as_it_was_without_what_had_not_ended(tmp_path):
+    (tmp_path / "run.csv").write_text("time [s],position [m]\n0,0\n")
+    first, _ = project(tmp_path)
+    recording = first.open(tmp_path / "run.csv")
+    first.set_map(recording, {"position": {"channel": "Weg", "unit": "mm"}}, None, "1bar")
+    first.board.update(recording, look={"checks": []}, status="ready")
+    own = tmp_path / ".clutchid-app" / "results" / "result-2" / "map.toml"
+    facts = {"options": RequestText(free="load"), "found": {"files": ["fit.toml"]}, "map": own}
+    fit = Result("result-2", "calibrate", "calibrate run.csv (2)", "done", (recording,), **facts)
+    first.board.put(fit)
+    first.board.put(Result("result-3", "estimate", "estimate run.csv (3)", "running", (recording,)))
+    end_folder(first.folder, keep=False, project=True)
+
+    again, begun = project(tmp_path)
+    same = again.board.get(Recording, recording)
+    assert (same.map, same.ambient) == (first.board.get(Recording, recording).map, "1bar")
+    assert again.board.all(Result) == [fit]
+    again.resume()
+    assert begun == ["open run.csv"]
+    assert again.open(tmp_path / "run.csv") == "recording-3"
+    with pytest.raises(ExportError, match="another clutchid app has this project open"):
+        project_folder(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '{"items 1": [{"kind": "Recording", "id": "../x"}]}'])
+def test_a_damaged_project_is_said_and_left_alone(tmp_path, text):
+    board = project_folder(tmp_path) / "board.json"
+    board.write_text(text)
+    with pytest.raises(DataError, match="is damaged, or of another version, and is left as it is"):
+        Session(board.parent, tmp_path, project=True)
+    assert board.read_text() == text

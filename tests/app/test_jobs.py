@@ -1,6 +1,7 @@
 """Answers of jobs: recordings, maps, fits, their files and exports, and observations."""
 
 import os
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -81,15 +82,22 @@ def test_a_worn_clutch_is_compared_with_the_calibration(working, calibrated, rec
     id_ = working.ask("POST", "/api/fits", body).json["id"]
     content = working.wait(id_, "done")["found"]
     assert content["calibrated_load_curve"]["force_N"]
-    assert content["calibration"]["name"] == "CAL.toml"  # as in the command that is shown
+    name = f"calibrate cal.csv ({calibrated.removeprefix('result-')})"
+    assert content["calibration"]["name"] == f"{name}.toml"  # as in the command that is shown, and of the download
+    assert f"--start '{name}.toml'" in working.get(id_)["command"]
+    assert working.get(calibrated)["name"] == name
+    assert {job["title"] for job in working.all(Job) if job["about"] == calibrated} == {name}
+    saved = working.ask("GET", f"/api/results/{calibrated}/files/fit.toml")
+    assert unquote(saved.headers["content-disposition"]).endswith(f"''{name}.toml")
     assert "residual position" in content["recordings"][0]["columns"]
 
 
 def test_a_saved_calibration_is_opened_again(working, calibrated):
     saved = working.ask("GET", f"/api/results/{calibrated}/files/fit.toml").body
-    id_ = working.ask("PUT", "/api/calibrations?name=CAL.toml", body=[saved]).json["id"]
-    shown = working.wait(id_, "done")
+    first, again = (working.ask("PUT", "/api/calibrations?name=CAL.toml", body=[saved]).json["id"] for _ in range(2))
+    shown = working.wait(first, "done")
     assert (shown["name"], shown["found"]["trust"]) == ("CAL.toml", working.get(calibrated)["found"]["trust"])
+    assert working.get(again)["name"] == f"CAL ({again.removeprefix('result-')}).toml"
 
 
 def test_a_file_that_is_no_calibration_is_refused_with_a_sentence(working):
@@ -142,6 +150,9 @@ def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
     event = working.wait(id_, "ready")
     assert (event["name"], event["message"]) == ("cal-cut.parquet", "")
     assert 0 < event["look"]["grids"][0]["samples"] < 3000
+    id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [1.0, 2.0]}).json["id"]
+    assert working.wait(id_, "ready")["look"]["grids"][0]["samples"] == 1000
+    assert "no range of time" in working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [2.0, 1.0]}).message
 
 
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):

@@ -54,6 +54,8 @@ def test_recordings_with_different_maps_are_no_one_command(opened):
         shown = opened.get(made)
         assert shown["command"].partition("run.csv ")[2].partition("run.csv ")[2] == said
         assert ("channels='run.csv.map.toml'" in shown["python"]) == bool(said)
+        answer = opened.ask("GET", f"/api/results/{made}/map.toml")
+        assert ('channel = "Weg"' in answer.body.decode()) == bool(said), "a calibration remembers its map"
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"{", b"[" * 100_000, b"\xff\xfe"])

@@ -18,6 +18,8 @@ asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
 #: Ambient pressure in Pa, as that of gauge pressures by default.
 AMBIENT = 1.013e5
 
+AS_SAID = "as the lines with - above say, then check the map with --map.\n"
+
 
 def in_german(log: Log, path: Path, zero: float = 0.0) -> Path:
     """A log as an MDF 4 file with German names: set point beside the position, pressure in bar from the ambient one.
@@ -54,10 +56,13 @@ def worn() -> Log:
 @pytest.mark.slow
 def test_look_checks_with_the_map_that_it_proposes(tmp_path, log, capsys):
     file = in_german(log, tmp_path / "Messung.mf4")
-    assert called("look", file) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    assert called("look", file, "--save", tmp_path / "MAP.toml") == 0
+    printed = capsys.readouterr().out
+    assert printed.endswith(f"Confirm the guessed units, {AS_SAID}")
+    said = " ".join(printed.split())
     for words in (
         "position Kupplungsweg_Ist",
+        "motion for 10 s good",
         r"so that the gauge unit \[bar\(g\)\] is guessed instead of \[bar\]",
         "Messung with the proposed channel map: 14 checks",
         r"unit of pressure_a [\d.e+]+ to [\d.e+]+ Pa good",
@@ -101,7 +106,7 @@ def test_a_proposal_that_lacks_the_valves_names_candidates_and_says_that_it_is_n
     assert "  pressure_a           Druck_A\n  temperature_ambient  Aussentemperatur\n" in said
     assert "duty_supply: no channel name matches; add it to the map (candidates: 'Ventil_auf', 'Ventil_zu')." in said
     assert "without both duty cycles the supply pressure cannot be checked" in said
-    assert said.endswith("It is not complete: correct it as the lines with - above say, then check it with --map.\n")
+    assert said.endswith(f"Add duty_supply and duty_exhaust, {AS_SAID}")
     assert "\n# duty_supply: no channel name matches; add it to the map (candidates:" in chosen.read_text()
     chosen.write_text(
         chosen.read_text() + '[duty_supply]\nchannel = "Ventil_auf"\n[duty_exhaust]\nchannel = "Ventil_zu"\n'

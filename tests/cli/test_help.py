@@ -63,10 +63,21 @@ def test_an_option_is_in_the_same_group_in_every_command():
 
 
 def test_the_help_of_a_fit_begins_with_its_usage_and_shows_no_default_that_says_nothing(capsys):
-    assert called("fit", "--help") == 0
+    assert called("fit", "--help", "all") == 0
     said = capsys.readouterr().out
     assert said.startswith("Usage: clutchid fit LOGS... [OPTIONS]\n")
     places = [said.find(f"─ {title} ─") for title in ("Arguments", "Common options", "Method and search", "Output")]
     assert -1 not in places
     assert places == sorted(places)
     assert [word for word in ("[default: False]", '[default: ""]', "--empty-", "[ARGS") if word in said] == []
+
+
+@pytest.mark.parametrize("command", ["fit", "calibrate", "estimate"])
+def test_the_help_of_a_fit_fits_a_screen_and_names_all_options(command, capsys):
+    assert called(command, "--help") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    words = {word.strip(",.") for line in lines for word in line.split()}
+    assert {name for a in options(command) for name in a.names} <= words
+    assert f"More options, by `clutchid {command} --help all`: " in " ".join(lines)

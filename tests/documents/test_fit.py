@@ -14,6 +14,7 @@ from clutchid.documents.fit_json import fit_json
 from clutchid.documents.fit_sections import MAX_DRAWN, error_table, parameter_table
 from clutchid.documents.html import page_of, write_page
 from clutchid.estimation import Estimate, LoadCurve
+from clutchid.estimation.assess.evidence import reach
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.log import Log
 from clutchid.verbs.commands import FitCommand
@@ -224,6 +225,7 @@ def test_the_page_has_the_next_step_and_what_is_assumed(blank, fitted):
 def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_page_have_none(fitted):
     fit = reading(fitted)
     data = application_data(fit, document_of(fit))
+    assert data["reach_m"] == reach(fit)
     assert sum("not recorded" in row["text"] for row in data["summary"]) == 2
     states = two_states(fitted)
     assert fit_json(states)["changes"]

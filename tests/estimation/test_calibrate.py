@@ -16,7 +16,7 @@ from clutchid.inference.uncertainty.calibration import MODEL_MISSES, drift
 from clutchid.inference.uncertainty.change_prior import changeable
 from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.numerics.interval import QUANTILE
-from clutchid.verbs.start import read_calibration
+from clutchid.verbs.start import saved_load
 
 pytestmark = pytest.mark.slow
 
@@ -134,12 +134,12 @@ def test_on_the_model_s_own_data_the_pressure_misses_nothing(calibrated):
 def test_a_calibration_in_a_file_has_the_band_that_it_was_printed_with(missing, tmp_path):
     path = tmp_path / "cal.toml"
     write_parameters(parameter_file(missing), path)
-    _, curve = read_calibration(path)
+    curve = saved_load(path).load
     assert curve.table() == pytest.approx(missing.load_curve.table(), rel=1e-9)
     assert read_parameters(path).calibration.missed == missing.calibration.missed
-    older = re.sub(r"(?m)^missed = .*\n", "", path.read_text(encoding="utf-8"))
+    older = re.sub(r"(?m)^missed = .*\n|^\[fit.load\](?s:.*?)(?=^\[)", "", path.read_text(encoding="utf-8"))
     path.write_text(older, encoding="utf-8")
-    _, curve = read_calibration(path)
+    curve = saved_load(path).load
     assert (curve.high - curve.low) / 2 == pytest.approx(half_by_data(missing), rel=1e-9), "it has the data's own"
 
 

@@ -16,6 +16,7 @@ INTERFACES = {
     ),
     "the page's record of it, reached as `records.NAME`": ("Export", "Observation", "Recording", "Table"),
     "a program": ("app", "main"),
+    "a command on saved loads, and the comparison of samples": ("compare",),
     "a format of files": ("open_file", "save"),
     "a method of a fit": ("evaluated", "problem_of", "result", "search"),
     "processes of one machine or of a cluster": ("results",),

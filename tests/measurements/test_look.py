@@ -198,3 +198,15 @@ def test_only_a_file_that_cannot_be_opened_raises(tmp_path, recording, save):
         look(tmp_path / "no.csv")
     with pytest.raises(ParameterError, match="ambient"):
         look(save(recording()), -1.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"MDF     4.10".ljust(100), "is an MDF file that ends within its header, after 100 bytes; copy it again."),
+        (bytes(range(256)), "is no MDF file, and no text; copy it again."),
+    ],
+)
+def test_a_broken_mdf_file_is_said_to_be_one_by_its_name(tmp_path, content, said):
+    (tmp_path / "run.mf4").write_bytes(content)
+    assert look(tmp_path / "run.mf4").problems == (f"run.mf4: {said}",)

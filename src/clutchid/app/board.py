@@ -7,7 +7,7 @@ changed since any number, and gets every record at most once.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -36,6 +36,7 @@ class Board:
     """Records by id, each with the number of its last change."""
 
     def __init__(self) -> None:
+        self.keep: Callable[[], None] = lambda: None  # called after a change of anything but a job
         self._newest: dict[str, BoardChange] = {}
         self._number = 0
         self._changed = asyncio.Event()
@@ -53,6 +54,8 @@ class Board:
         self._newest[id_] = BoardChange(self._number, id_, item)
         self._changed.set()
         self._changed = asyncio.Event()
+        if not isinstance(item, Job):
+            self.keep()
 
     def update(self, id_: str, **values: Any) -> None:
         """Change some fields of a record, unless it has been removed."""
@@ -72,6 +75,10 @@ class Board:
     def all(self, kind: type[_Kind]) -> list[_Kind]:
         """All records of a kind, in the order of their creation."""
         return [change.item for change in self._newest.values() if isinstance(change.item, kind)]
+
+    def kept_items(self) -> list[records.PageItem]:
+        """All records but jobs, in the order of their creation."""
+        return [change.item for change in self._newest.values() if change.item and not isinstance(change.item, Job)]
 
     def since(self, number: int) -> list[BoardChange]:
         """Changes after this number, the oldest first."""

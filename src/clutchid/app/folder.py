@@ -46,21 +46,48 @@ def new_folder(base: Path) -> Path:
     return folder
 
 
+def project_folder(below: Path) -> Path:
+    """The folder of a project in the folder whose recordings it is about, for this process alone.
+
+    Raises
+    ------
+    ExportError
+        If it cannot be made, or another server has it.
+    """
+    folder = below / ".clutchid-app"
+    if _is_alive(folder):
+        raise ExportError(f"{folder}: another clutchid app has this project open; end it, or name another folder.")
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        private(folder / _LOCK, json.dumps({"pid": os.getpid(), "born": _born(os.getpid())}))
+    except OSError as error:
+        raise ExportError(f"{folder}: the project cannot be kept there ({reason_of(error)}).") from error
+    return folder
+
+
 def sweep(base: Path) -> None:
     """Remove the folders of servers that have ended, except those that are to be kept."""
     for folder in base.glob("run-*"):
-        try:
-            lock = json.loads((folder / _LOCK).read_text(encoding="utf-8"))
-            alive = _born(lock["pid"]) == lock["born"]
-        except (OSError, ValueError, KeyError, TypeError):
-            alive = False
-        if not alive and not (folder / _KEPT).exists():
+        if not _is_alive(folder) and not (folder / _KEPT).exists():
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def end_folder(folder: Path, *, keep: bool) -> None:
-    """Remove the folder at the end of its server, or leave it."""
-    if keep:
+def _is_alive(folder: Path) -> bool:
+    """Whether the server of a folder runs."""
+    try:
+        lock = json.loads((folder / _LOCK).read_text(encoding="utf-8"))
+        return bool(_born(lock["pid"]) == lock["born"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def end_folder(folder: Path, *, keep: bool, project: bool = False) -> None:
+    """Remove the folder at the end of its server, or leave it; of a project what is made again is removed."""
+    if project:
+        for name in ("columns", "processes"):
+            shutil.rmtree(folder / name, ignore_errors=True)
+        (folder / _LOCK).unlink(missing_ok=True)
+    elif keep:
         (folder / _KEPT).touch()
     else:
         shutil.rmtree(folder, ignore_errors=True)

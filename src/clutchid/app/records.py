@@ -31,11 +31,6 @@ def _plain(value: Any) -> Any:
     return content(value) if is_dataclass(value) else value
 
 
-def download_name(result: str, file: str) -> str:
-    """The name under which a file of a result is downloaded."""
-    return f"{result.replace(' ', '-').replace('/', '-')}-{file}"
-
-
 @dataclass(frozen=True, slots=True)
 class File:
     """A recording as a job reads it: its path, channel map, and the name that a command has for it."""
@@ -84,6 +79,7 @@ class Result:
     command: str = ""
     python: str = ""
     exports: tuple[Json, ...] = ()
+    map: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +131,13 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Write the strokes of copied columns that begin at these times in s to a new file, and look at it."""
+    """Write strokes of copied columns, by their begins, or a span of time in s to a new file, and look at it."""
 
     source: Path
     map: Path | None
     begins: tuple[float, ...]
     look: Look
+    span: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,12 +22,12 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from clutchid.app import uploads
 from clutchid.app.commands import METHOD_CHOICES, VERBS
-from clutchid.app.folder import end_folder, new_folder, opening_page
+from clutchid.app.folder import end_folder, new_folder, opening_page, project_folder
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
-from clutchid.app.records import Observation, Recording, Result, Table, download_name
+from clutchid.app.records import Observation, Recording, Result, Table
 from clutchid.app.session import Session
-from clutchid.app.uploads import allowed_path, folder_listing, is_opened, is_table, receive_upload, upload_size
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
@@ -53,8 +53,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
-        for path in session.named:
-            _open_any(session, path)
+        session.resume()
         begun()
         with contextlib.suppress(OSError):
             await session.jobs.warm_up()
@@ -87,6 +86,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/results/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/results/{id}/plot", _of(session, partial(_plot, Result))),
         Route("/api/results/{id}/export", _of(session, _export), methods=["POST"]),
+        Route("/api/results/{id}/map.toml", _of(session, _map_file)),
         Route("/api/results/{id}/files/{name}", _of(session, _result_file)),
         Mount("/static", StaticFiles(directory=_STATIC)),
     ]
@@ -141,8 +141,8 @@ async def _events(session: Session, request: Request) -> Response:
 
 
 async def _files(session: Session, request: Request) -> Response:
-    chosen = is_table if request.query_params.get("kind") == "tables" else is_opened
-    return JSONResponse(folder_listing(request.query_params.get("under", ""), session.below, chosen))
+    chosen = uploads.is_table if request.query_params.get("kind") == "tables" else uploads.is_opened
+    return JSONResponse(uploads.folder_listing(request.query_params.get("under", ""), session.below, chosen))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:
@@ -161,23 +161,16 @@ async def _upload_calibration(session: Session, request: Request) -> Response:
 async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
     """The body of the request as a file with its id, without a second copy."""
     name = request.query_params.get("name", "")
-    size = upload_size(name, request.headers.get("content-length"), session.folder)
+    size = uploads.upload_size(name, request.headers.get("content-length"), session.folder)
     id_, path = session.upload_path(name, kind, beside)
     path.unlink(missing_ok=True)  # the same file once more
-    await receive_upload(request.stream(), path, size)
+    await uploads.receive_upload(request.stream(), path, size)
     return id_, path
 
 
 async def _open_path(session: Session, request: Request) -> Response:
     (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": _open_any(session, allowed_path(path, session.below, session.named))})
-
-
-def _open_any(session: Session, path: Path) -> str:
-    """A file as a calibration or as a recording, by its suffix."""
-    if path.suffix.lower() == ".toml":
-        return session.open_calibration(path, path.name, move=False)
-    return session.open(path)
+    return JSONResponse({"id": session.open_any(uploads.allowed_path(path, session.below, session.named))})
 
 
 async def _forget(session: Session, request: Request) -> Response:
@@ -217,17 +210,18 @@ async def _set_map(session: Session, request: Request) -> Response:
 
 
 async def _map_file(session: Session, request: Request) -> Response:
-    recording = session.board.get(Recording, request.path_params["id"])
-    if recording is None or recording.map is None:
+    item = session.board.item(request.path_params["id"])
+    if not isinstance(item, Recording | Result) or item.map is None:
         raise DataError("this recording has no channel map of its own.")
-    return FileResponse(recording.map, headers=_attachment(f"{recording.name}.map.toml"))
+    return FileResponse(item.map, headers=_attachment(f"{item.name}.map.toml"))
 
 
 async def _cut(session: Session, request: Request) -> Response:
-    begins = (await _body(request)).get("begins")
-    if not isinstance(begins, list) or not begins or not all(isinstance(begin, int | float) for begin in begins):
-        raise ParameterError("cut: no stroke is chosen.")
-    return JSONResponse({"id": session.cut(request.path_params["id"], begins)})
+    body = await _body(request)
+    begins, span = (read_record(list[float], body.get(name, []), name) for name in ("begins", "span"))
+    if not begins and not (len(span) == 2 and span[0] < span[1]):
+        raise ParameterError("cut: no stroke and no range of time is chosen.")
+    return JSONResponse({"id": session.cut(request.path_params["id"], begins, (span[0], span[1]) if span else None)})
 
 
 async def _fit(session: Session, request: Request) -> Response:
@@ -257,7 +251,7 @@ async def _upload_table(session: Session, request: Request) -> Response:
 
 async def _open_table(session: Session, request: Request) -> Response:
     (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": session.open_table(allowed_path(path, session.below, ()))})
+    return JSONResponse({"id": session.open_table(uploads.allowed_path(path, session.below, ()))})
 
 
 async def _open_vehicle(session: Session, request: Request) -> Response:
@@ -280,7 +274,7 @@ async def _result_file(session: Session, request: Request) -> Response:
     path, result = session.file_of(id_, name)
     if path.suffix == ".html":
         return FileResponse(path, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
-    return FileResponse(path, headers=_attachment(download_name(result.name, name)))
+    return FileResponse(path, headers=_attachment(uploads.download_name(result.name, name)))
 
 
 def _attachment(name: str) -> dict[str, str]:
@@ -336,7 +330,7 @@ def bound(port: int) -> socket.socket:
 
 def serve(
     files: Sequence[Path], below: Path, base: Path, say: Callable[[str], None],
-    *, port: int = 0, browser: bool = True, keep: bool = False,
+    *, port: int = 0, browser: bool = True, keep: bool = False, project: bool = False,
     trace: Callable[[str], None] = lambda _: None,
 ) -> Path:  # fmt: skip
     """Serve the page until the process is interrupted; the folder of the server, which is left only with `keep`.
@@ -353,6 +347,8 @@ def serve(
         Called with the traceback of an error in a job that nobody expected.
     port
         Of this machine; 0 for any that is free.
+    project
+        Whether recordings, maps and results are kept in the folder `below` for the next server.
 
     Raises
     ------
@@ -369,7 +365,7 @@ def serve(
         if not file.is_file():
             raise DataError(f"{file}: there is no such file.")
     listener = bound(port)
-    folder = new_folder(base)
+    folder = project_folder(below.resolve()) if project else new_folder(base)
     try:
         access = Access(listener.getsockname()[1])
 
@@ -378,11 +374,13 @@ def serve(
             if browser:
                 webbrowser.open(opening_page(folder, access.address).as_uri())
 
-        app = application(Session(folder, below, [file.absolute() for file in files], trace), access, begun)
+        app = application(
+            Session(folder, below, [file.absolute() for file in files], trace, project=project), access, begun
+        )
         config = uvicorn.Config(app, log_level="critical", access_log=False, timeout_graceful_shutdown=1, ws="none")
         with contextlib.suppress(KeyboardInterrupt):  # uvicorn raises it again when it has ended
             uvicorn.Server(config).run(sockets=[listener])
     finally:
         listener.close()
-        end_folder(folder, keep=keep)
+        end_folder(folder, keep=keep, project=project)
     return folder

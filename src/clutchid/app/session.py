@@ -17,7 +17,8 @@ from clutchid.app import records
 from clutchid.app.board import Board
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
-from clutchid.app.uploads import safe_name
+from clutchid.app.project import read_project, write_project
+from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import replace
@@ -35,18 +36,51 @@ class Session:
         The folder whose files may be opened by path, and further files.
     trace
         Called with the traceback of an error in a job that nobody expected.
+    project
+        Whether recordings, maps and results come back with the next server of this folder.
     """
 
     def __init__(
-        self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None
-    ) -> None:
+        self, folder: Path, below: Path, named: Sequence[Path] = (), trace: Callable[[str], None] = lambda _: None,
+        *, project: bool = False,
+    ) -> None:  # fmt: skip
         self.name = uuid4().hex
         self.folder, self.below, self.named = folder, below.resolve(), tuple(named)
         self.board = Board()
+        items = read_project(folder) if project else []
+        for item in items:
+            self.board.put(item)
+        if project:
+            self.board.keep = self._keep
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
-        self._numbers = itertools.count(1)
+        self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in items), default=0))
+
+    def _keep(self) -> None:
+        write_project(self.folder, self.board.kept_items())
+
+    def resume(self) -> None:
+        """Begin to read the recordings and tables of a project again, and the files that were named."""
+        for recording in self.board.all(records.Recording):
+            self._look(recording, copied=False)
+        for table in self.board.all(records.Table):
+            self.open_table(table.path, table.id, table.vehicle)
+        there = {item.path for item in self.board.all(records.Recording)}
+        for path in self.named:
+            if path not in there:
+                self.open_any(path)
 
     # recordings
+
+    def open_any(self, path: Path) -> str:
+        """Begin to read a file as a calibration or as a recording, by its suffix; the id."""
+        is_toml = path.suffix.lower() == ".toml"
+        return self.open_calibration(path, path.name, move=False) if is_toml else self.open(path)
+
+    def _look(self, recording: records.Recording, *, copied: bool) -> None:
+        self.board.update(recording.id, status="reading", message="")
+        file = records.File(recording.path, recording.map)
+        task = records.Look(file, self._columns(recording.id), recording.ambient, copied=copied)
+        self.jobs.submit(f"{'check' if copied else 'open'} {recording.name}", "files", task, recording.id)
 
     def upload_path(self, name: str, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
         """An id and a new file for an upload with this name, in a folder of its own or in that of another upload."""
@@ -59,7 +93,9 @@ class Session:
         """Begin to read a file as a recording; the id of the recording."""
         id_ = id_ or self._id("recording")
         recording = records.Recording(id_, printable(path.name), path, uploaded, size=path.stat().st_size)
-        return self._begin("open", "files", recording, records.Look(records.File(path), self._columns(id_)))
+        return self._begin(
+            f"open {recording.name}", "files", recording, records.Look(records.File(path), self._columns(id_))
+        )
 
     def set_map(self, id_: str, channels: Mapping[str, Any], rate: float | None, ambient: str) -> None:
         """Give a recording a channel map, and look at it again.
@@ -71,7 +107,7 @@ class Session:
         """
         from clutchid.verbs.looking import read_map
 
-        recording = self._recording(id_)
+        self._recording(id_)
         pressure_option(ambient or None)
         file = self.folder / "maps" / id_ / "map.toml"
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -85,12 +121,11 @@ class Session:
             raise ParameterError("map: entries of a channel map are texts and numbers.") from None
         replace(tried, file)
         self.jobs.cancel_about(id_)
-        self.board.update(id_, map=file, ambient=ambient, status="reading", message="")
-        task = records.Look(records.File(recording.path, file), self._columns(id_), ambient, copied=True)
-        self.jobs.submit(f"check {recording.name}", "files", task, id_)
+        self.board.update(id_, map=file, ambient=ambient)
+        self._look(self._recording(id_), copied=True)
 
-    def cut(self, id_: str, begins: Sequence[float]) -> str:
-        """Begin to write the strokes of a recording that begin at these times in s as a new recording; its id.
+    def cut(self, id_: str, begins: Sequence[float], span: tuple[float, float] | None = None) -> str:
+        """Begin to write strokes of a recording, by their begins, or a span in s as a new recording; its id.
 
         Raises
         ------
@@ -100,8 +135,9 @@ class Session:
         whole = self._recording(id_)
         new, path = self.upload_path(f"{Path(safe_name(whole.name)).stem}-cut.parquet")
         look = records.Look(records.File(path), self._columns(new), whole.ambient)
-        task = records.Cut(self._columns(id_), whole.map, tuple(begins), look)
-        return self._begin("cut", "files", records.Recording(new, path.name, path, uploaded=True), task, whole.name)
+        task = records.Cut(self._columns(id_), whole.map, tuple(begins), look, span)
+        recording = records.Recording(new, path.name, path, uploaded=True)
+        return self._begin(f"cut {whole.name}", "files", recording, task)
 
     def forget(self, id_: str) -> None:
         """Remove a recording or a result with its files."""
@@ -136,14 +172,15 @@ class Session:
         id_, folder = self._result_folder("result")
         # the result names its calibration as the command does
         first = shutil.copyfile(calibration, folder / asked.start.name) if calibration and asked.start else None
-        names = ", ".join(file.name for file in files)
-        name = f"{verb} {names}"
+        name = self._name(verb, id_, recordings)
+        chosen = files[0].map if asked.files.map else None  # which outlives its recording
+        own = shutil.copyfile(chosen, folder / "map.toml") if chosen else None
         task = records.FitRecordings(asked, name, files, folder, others, first)
         result = records.Result(
             id_, verb, name, recordings=tuple(recordings), verify=tuple(verify), start=start,
-            options=asked.search, made=time.time(), command=command, python=python,
+            options=asked.search, made=time.time(), command=command, python=python, map=own,
         )  # fmt: skip
-        return self._begin(verb, "fits", result, task, names)
+        return self._begin(name, "fits", result, task)
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of its result."""
@@ -153,8 +190,11 @@ class Session:
             replace(path, file)
         else:
             shutil.copyfile(path, file)
-        result = records.Result(id_, "file", printable(name), made=time.time())
-        return self._begin("open", "files", result, records.ReadCalibration(file, name))
+        shown = printable(name)
+        if shown in {result.name for result in self.board.all(records.Result)}:
+            shown = f"{shown.removesuffix('.toml')} ({_number(id_)}).toml"
+        result = records.Result(id_, "file", shown, made=time.time())
+        return self._begin(f"open {shown}", "files", result, records.ReadCalibration(file, name))
 
     def observe(self, recording: str, start: str, method: str, *, force: bool) -> str:
         """Begin to follow a recording with the observer of a calibration; the id of the observation.
@@ -168,9 +208,9 @@ class Session:
         id_, folder = self._result_folder("observation")
         command, python = repeated_observation(file, self._start_name(start), method, force=force)
         task = records.Observe(file, first, method, folder, force)
-        name = file.name
-        run = records.Observation(id_, f"observe {name}", method, recording, start, command=command, python=python)
-        return self._begin("observe", "fits", run, task, name)
+        name = self._name("observe", id_, [recording])
+        run = records.Observation(id_, name, method, recording, start, command=command, python=python)
+        return self._begin(name, "fits", run, task)
 
     # results of track and fleet
 
@@ -185,7 +225,7 @@ class Session:
         id_ = id_ or self._id("table")
         self.jobs.cancel_about(id_)
         table = records.Table(id_, printable(vehicle or path.name), path, printable(path.parent.name), vehicle)
-        return self._begin("open", "files", table, records.ReadTable(path, below, vehicle))
+        return self._begin(f"open {table.name}", "files", table, records.ReadTable(path, below, vehicle))
 
     def open_vehicle(self, id_: str, vehicle: str) -> str:
         """Begin to read a vehicle of a fleet, unless it has been read; the id of its table.
@@ -261,10 +301,10 @@ class Session:
 
     # jobs
 
-    def _begin(self, title: str, lane: Lane, item: records.PageItem, task: records.Task, of: str = "") -> str:
+    def _begin(self, title: str, lane: Lane, item: records.PageItem, task: records.Task) -> str:
         """Put a record on the board and submit the job that will complete it; its id."""
         self.board.put(item)
-        self.jobs.submit(f"{title} {of or item.name}", lane, task, item.id)
+        self.jobs.submit(title, lane, task, item.id)
         return item.id
 
     def _job_changed(self, job: Job) -> None:
@@ -320,9 +360,18 @@ class Session:
         files = ((recording.path, recording.map) for recording in recordings)
         return tuple(records.File(*file, name) for file, name in zip(files, names, strict=True))
 
+    def _name(self, verb: str, id_: str, recordings: Sequence[str]) -> str:
+        """Name of a result on the page, in its files and in commands: what was done with which recordings."""
+        first, *others = (self._recording(recording).name for recording in recordings)
+        return f"{verb} {first}{f' and {len(others)} more' if others else ''} ({_number(id_)})"
+
     def _start_name(self, id_: str) -> str:
         result = self.board.get(records.Result, id_)
-        return result.name if result is not None and result.verb == "file" else "CAL.toml"
+        return download_name(result.name if result else "CAL.toml", "fit.toml")
+
+
+def _number(id_: str) -> str:
+    return id_.partition("-")[2]
 
 
 def _stated(entries: Mapping[str, Any]) -> dict[str, Any]:

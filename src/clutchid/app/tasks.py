@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.app import records
+from clutchid.app.uploads import download_name
 from clutchid.documents import Observation, write_page
 from clutchid.documents.fit import application_data, compared_columns
 from clutchid.documents.fit_json import curve_json, fit_json
@@ -27,7 +28,7 @@ from clutchid.verbs.observing import ObserveRequest, observed
 from clutchid.verbs.options import pressure_option
 from clutchid.verbs.progress import CALIBRATION, ESTIMATE, Progressed, shared, when_compiling
 from clutchid.verbs.reading import Reading
-from clutchid.verbs.start import calibration_file, read_calibration
+from clutchid.verbs.start import calibration_file, saved_load
 from clutchid.verbs.stored import copied, sections, stored_recording, write_columns
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ def cut(task: records.Cut, events: Events) -> dict[str, Any]:
     """
     events.progress("cutting", None, "cutting")
     recording = stored_recording(task.source, task.map, pressure_option(task.look.ambient or None))
-    recording.cut(task.begins, task.look.file.path)
+    recording.cut(task.begins, task.look.file.path, task.span)
     return look(task.look, events)
 
 
@@ -127,14 +128,14 @@ def _written(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
                 saving.save_fit(result, folder / name)
             files.append(name)
         except ClutchidError as error:
-            failures.append(f"{name}: {error}")
+            failures.append(f"{download_name(task.name, name)}: {error}")
     (folder / "result.json").write_text(json_text(fit_json(result)), encoding="utf-8")
     return {"files": files, "failures": failures}
 
 
 def _shown(result: Fit, task: records.FitRecordings) -> dict[str, Any]:
     """Content of the page of a fit."""
-    file = Path(records.download_name(task.name, "fit.toml"))
+    file = Path(download_name(task.name, "fit.toml"))
     asked = replace(task.asked, save=(file,), report=file.with_suffix(".html"))
     return {
         **application_data(result, document_with_next_step(result, asked)),
@@ -166,16 +167,16 @@ def check_calibration(task: records.ReadCalibration, events: Events) -> dict[str
     """
     events.progress("reading", None, "reading")
     try:
-        origin, curve = read_calibration(task.path)
+        saved = saved_load(task.path)
     except ParameterError as error:
         if is_map(task.path):
             advice = "give it to a recording with “Use a map” in its table of channels"
             raise ParameterError(f"{task.name}: is a channel map; {advice}.") from None
         raise ParameterError(str(error).replace(str(task.path), task.name)) from None
     return {
-        "status": "ok", "load_curve": None if curve is None else curve_json(curve), "is_calibration": True,
-        "trust": origin.trust or "",
-        "created": origin.created, "files": ["fit.toml"], "recordings": [], "reasons": [], "parameters": {},
+        "status": "ok", "load_curve": curve_json(saved.load), "reach_m": saved.reach, "trust": saved.trust or "",
+        "is_calibration": saved.is_calibration, "created": saved.created, "files": ["fit.toml"], "recordings": [],
+        "reasons": [], "parameters": {},
     }  # fmt: skip
 
 

@@ -48,6 +48,17 @@ def safe_name(text: str) -> str:
     return f"_{name}" if is_device(name) else name or "file"
 
 
+def download_name(result: str, file: str) -> str:
+    """Name under which a file of a result is downloaded, and that commands have for it: that of the result.
+
+    Examples
+    --------
+    >>> download_name("calibrate run.mf4 (5)", "fit.toml"), download_name("CAL.toml", "fit.toml")
+    ('calibrate run.mf4 (5).toml', 'CAL.toml')
+    """
+    return safe_name(f"{result.removesuffix('.toml')}{Path(file).suffix}")
+
+
 def upload_size(name: str, length: str | None, folder: Path) -> int:
     """The size of an upload in bytes, before it is sent.
 

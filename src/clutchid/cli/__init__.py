@@ -5,22 +5,25 @@ from __future__ import annotations
 import re
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from io import TextIOWrapper
 from itertools import pairwise
+from textwrap import wrap
 from typing import Any
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 from cyclopts.exceptions import (
     CoercionError,
     CycloptsError,
     MissingArgumentError,
     RepeatArgumentError,
+    UnknownCommandError,
     UnusedCliTokensError,
 )
 
 from clutchid.cli.app import app as page
 from clutchid.cli.common import COMMON, DONE, FAILED, INTERRUPTED, complain
+from clutchid.cli.compare import compare
 from clutchid.cli.cut import cut
 from clutchid.cli.drive import drive
 from clutchid.cli.export import export
@@ -32,7 +35,7 @@ from clutchid.cli.observe import observe
 from clutchid.cli.paper import paper
 from clutchid.cli.simulate import simulate
 from clutchid.cli.track import track
-from clutchid.documents.console import lost, put
+from clutchid.documents.console import TERMINAL_WIDTH, lost, put
 from clutchid.verbs.progress import when_compiling
 from clutchid.version import installed_version
 
@@ -50,6 +53,7 @@ _COMMANDS: tuple[tuple[Callable[..., int], str], ...] = (
     (calibrate, "LOGS... [--save CAL.toml] [OPTIONS]"),
     (estimate, "LOGS... --start CAL.toml [OPTIONS]"),
     (page, "[FILES...] [OPTIONS]"),
+    (compare, "SAVED... [OPTIONS]"),
     (simulate, "LOG --parameters FIT.toml --out SIM.parquet [OPTIONS]"),
     (observe, "LOG --start CAL.toml --out EST.parquet [OPTIONS]"),
     (export, "CALIBRATION --out FOLDER [OPTIONS]"),
@@ -66,6 +70,13 @@ _USAGES = {command.__name__: usage for command, usage in _COMMANDS}
 
 #: A number with decimals.
 _FRACTION = re.compile(r"[+-]?\d*\.\d+")
+
+#: Commands whose help leaves these options to `--help all`.
+_LONG = ("fit", "calibrate", "estimate")
+_RARE = (
+    "--measure", "--every", "--parts", "--carry", "--take", "--model", "--prior", "--profile", "--bootstrap", "--zero",
+    "--dbc", "--verbose", "--debug",
+)  # fmt: skip
 
 #: Types of options that are numbers.
 _NUMBERS: dict[Any, str] = {int: "a whole number", float: "a number"}
@@ -108,6 +119,11 @@ def _run(tokens: list[str]) -> int:
     try:
         if fraction := _fraction(application, tokens):
             return complain(fraction, as_json="--json" in tokens, status="bad_input")
+        if tokens[:1] and tokens[0] in _LONG and {"--help", "-h"} & {*tokens} and "all" not in tokens:
+            put(*_short_help(application, tokens[0]))
+            return DONE
+        if tokens[-2:] in (["--help", "all"], ["-h", "all"]):
+            tokens = tokens[:-1]
         code = application(tokens, exit_on_error=False, print_error=False)
     except KeyboardInterrupt:  # before the command took over
         complain("stopped.", as_json="--json" in tokens, status="failed")
@@ -122,6 +138,21 @@ def _run(tokens: list[str]) -> int:
 
 def _usage(name: str) -> str:
     return f"Usage: clutchid {name} {_USAGES[name]}" if name in _USAGES else "Try 'clutchid --help'."
+
+
+def _short_help(application: App, name: str) -> Iterator[str]:
+    """Lines of a help that fits a screen: usage, purpose, and the first sentence on each everyday option, in groups."""
+    command, group = application[name], ""
+    yield from (_usage(name), *wrap(str(command.help).partition("\n")[0].replace("`", ""), TERMINAL_WIDTH), "")
+    for a in command.assemble_argument_collection(parse_docstring=True):
+        if a.parse and not a.children and a.name not in _RARE:
+            groups = a.parameter.group
+            title = groups[0].name if isinstance(groups, tuple) and isinstance(groups[0], Group) else ""
+            if title != group:
+                yield f"{title}:"
+            group, sentence = title, f"{a.parameter.help}".partition(". ")[0].replace("`", "").rstrip(".")
+            yield f"  {a.name:<10} {sentence}."
+    yield from wrap(f"More options, by `clutchid {name} --help all`: {', '.join(_RARE)}", TERMINAL_WIDTH)
 
 
 def _fraction(application: App, tokens: Sequence[str]) -> str:
@@ -144,6 +175,8 @@ def _sentence(error: CycloptsError) -> str:
             return f"{name} has no value." if error.keyword else f"{name} is missing."
         case RepeatArgumentError(token=token):
             return f"{token.keyword} is given more than once."
+        case UnknownCommandError(unused_tokens=tokens):
+            return f"{next(iter(tokens or ()), '')}: is no command; there are {', '.join(_USAGES)}."
         case UnusedCliTokensError(unused_tokens=tokens):
             return f"{' '.join(tokens or ())}: not expected here."
         case CoercionError(target_type=wanted, token=token) if token and wanted in _NUMBERS:

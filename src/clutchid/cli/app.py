@@ -18,7 +18,7 @@ from clutchid.errors import missing
 def app(
     *files: Path,
     port: int = 0,
-    folder: Path = Path(),
+    folder: Path | None = None,
     browser: Annotated[bool, Parameter(negative="--no-browser")] = True,
     keep: OutputFlag = False,
     debug: OutputFlag = False,
@@ -34,7 +34,8 @@ def app(
     port
         Port of this machine; by default a free one.
     folder
-        Folder whose recordings can be opened by path, without a copy; by default the present one.
+        Folder of a project: its recordings can be opened by path, and recordings, maps and results are kept in
+        DIR/.clutchid-app for the next time. By default those of the present one can be opened, and nothing is kept.
     browser
         Whether the browser is started.
     keep
@@ -50,12 +51,13 @@ def app(
 
     base = serve(
         files,
-        folder,
+        folder or Path(),
         cache_folder(),
         put,
         port=port,
         browser=browser,
         keep=keep,
+        project=folder is not None,
         trace=lambda text: put(text, to=sys.stderr) if debug else None,
     )
     if keep:

@@ -95,15 +95,15 @@ class FitOptions:
     Parameters
     ----------
     start
-        Parameter file to start from: a calibration (TOML), as written by `clutchid calibrate --save`, which `estimate`
-        needs and whose search `calibrate` continues; or an actuator file with model and start values.
+        Parameter file to start from (TOML), such as a calibration. `estimate` needs one, as written by `clutchid
+        calibrate --save`; `calibrate` continues its search; an actuator file has model and start values.
     verify
         Recordings to simulate with the result, but not to fit.
     force
-        Fit although a check of the recording is bad; the checks are those of `clutchid look`.
+        Fit although a check of the recording is bad. The checks are those of `clutchid look`.
     save
-        Write the result: .toml (for --start and simulate), or .mat for MATLAB, Octave and Simulink. May be given
-        several times.
+        Write the result as .toml, for --start, or as .mat, for MATLAB. `simulate` reads .toml too, Octave and Simulink
+        .mat; may be given several times.
     report
         Write a self-contained HTML page.
     verbose
@@ -155,8 +155,9 @@ def fit(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     Parameters
     ----------
     logs
-        Recordings with columns `time [s]`, `position [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or in any format
-        with a --map. Put them before --verify, --bounds and --dbc, which take all arguments that follow.
+        Recordings, before all options that take several values. They have columns `time [s]`, `position [m]`,
+        `duty_supply [1]`, `duty_exhaust [1]`, or any format with a --map. --verify, --bounds and --dbc take all
+        arguments that follow.
     """
     return run_fit(options.command("fit", logs), options)
 
@@ -200,8 +201,8 @@ def calibrate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     Parameters
     ----------
     logs
-        Recordings with position, duty cycles and `pressure_a`, all of one state of wear. Put them before --verify,
-        --bounds and --dbc, which take all arguments that follow.
+        Recordings with pressure, before options that take several values. They have position, duty cycles and
+        `pressure_a`, and are all of one state of wear; --verify, --bounds and --dbc take all arguments that follow.
     """
     return run_fit(options.command("calibrate", logs), options)
 
@@ -216,8 +217,8 @@ def estimate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     Parameters
     ----------
     logs
-        Recordings with position and duty cycles, in any format with a --map. Put them before --verify, --bounds and
-        --dbc, which take all arguments that follow.
+        Recordings, before all options that take several values. They have position and duty cycles, in any format
+        with a --map; --verify, --bounds and --dbc take all arguments that follow.
     """
     if options.start is None:
         raise ParameterError(

@@ -56,5 +56,5 @@ def look(
         if not proposed.channels and not json:
             put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
         elif contents.needs_map and contents.proposal.open and not json:
-            put("It is not complete: correct it as the lines with - above say, then check it with --map.")
+            put(f"{contents.proposal.remedy}, as the lines with - above say, then check the map with --map.")
     return BAD_INPUT if contents.problems else DONE

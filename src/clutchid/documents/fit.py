@@ -13,7 +13,7 @@ from clutchid.documents.fit_rows import other_warnings, rows_of
 from clutchid.documents.fit_sections import fit_sections
 from clutchid.documents.style import MM
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.evidence import as_recorded
+from clutchid.estimation.assess.evidence import as_recorded, reach
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
 from clutchid.log import FloatArray
 
@@ -40,6 +40,7 @@ def application_data(fit: Fit, document: Document) -> dict[str, Any]:
         **data,
         "changes": [] if states_of_wear(fit) else data["changes"],
         "summary": page_rows(document),
+        "reach_m": reach(fit),
         "is_calibration": fit.calibration is not None and fit.baseline is None,
         "next": None if document.next is None else document.next._asdict(),
     }  # fmt: skip

@@ -180,6 +180,7 @@ def observation_data(observation: Observation) -> dict[str, Any]:
     )
     return {
         "span": [float(time[0]), float(time[-1])],
+        "reach_m": float(np.nanmax(run.log["position"])),
         "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
         "loads": [{"time": at, "stroke": number, "curve": curve_json(load)} for at, number, load in loads],
         "health": dict(run.health),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from clutchid.documents.document import Document
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
-    from clutchid.estimation import Errors, Fit
+    from clutchid.estimation import Errors, Fit, LoadCurve
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
     from clutchid.measurements.look import FileOverview
@@ -62,6 +62,24 @@ class RigFriction(NamedTuple):
     friction: CoulombFriction | list[LugreFit]
 
 
+class SavedLoad(NamedTuple):
+    """Load of a parameter file with the facts of its `Origin`; `reach` is the largest recorded position in m or NaN."""
+
+    name: str
+    created: str
+    sha256: str
+    trust: str
+    load: LoadCurve
+    reach: float
+    is_calibration: bool
+
+
+class SavedLoads(NamedTuple):
+    """Saved loads that are compared."""
+
+    loads: tuple[SavedLoad, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Looked:
     """The contents of a file, and the checks on it or, in `unchecked`, why there are none.
@@ -105,6 +123,8 @@ class SimulatedRecording:
     errors: Errors | None
 
 
+_Recorded: TypeAlias = "Observation | Looked | RigFriction | SimulatedRecording | Log | Simulation"
+
 #: Builder of each kind of result, imported where such a result comes.
 _BUILDERS = {
     "Fit": "fit:fit_document",
@@ -116,11 +136,12 @@ _BUILDERS = {
     "SimulatedRecording": "log:simulated_document",
     "Log": "log:log_document",
     "Simulation": "log:simulation_document",
+    "SavedLoads": "saved_loads:saved_loads_document",
 }
 
 
 def document_of(
-    result: Fit | Observation | WornClutch | FleetWear | Looked | RigFriction | SimulatedRecording | Log | Simulation,
+    result: Fit | WornClutch | FleetWear | SavedLoads | _Recorded,
     command: str = "",
 ) -> Document:
     """Document of a result, which is the same for every medium.
@@ -129,7 +150,7 @@ def document_of(
     ----------
     result
         A fit, an observed recording, the wear of a clutch or a fleet, a look at a file, friction of a rig, a
-        simulation, or a log.
+        simulation, a log, or saved loads.
     command
         The command that repeats it.
     """

@@ -83,7 +83,7 @@ def _measured(axis: Axes, s: FloatArray, wear: Wear, name: str, factor: float) -
     values = np.array([getattr(measurement, name) if measurement else np.nan for measurement in measured])
     used = np.array(wear.counted)
     for chosen, mark, colour, words in (
-        (used, ".", STYLE.measured, "readings"), (~used, "x", STYLE.red, "left out"),
+        (used, "o", STYLE.ink, "readings"), (~used, "x", STYLE.red, "left out"),
     ):  # fmt: skip
         if np.isfinite(values[chosen]).any():
             axis.plot(s[chosen], values[chosen] / factor, mark, color=colour, markersize=4, label=words, zorder=1.5)

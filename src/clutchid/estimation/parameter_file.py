@@ -239,6 +239,10 @@ def contents_of_fit(fitted: Fit, trust: str) -> ParameterFile:
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "trust": trust,
     }
+    if np.isfinite(fitted.load_curve.force).all():
+        reach = max((recording.measured.reach() for recording in fitted.recordings.values()), default=math.nan)
+        position, force, low, high = fitted.load_curve.table().T
+        about["load"] = {"position": position, "force": force, "low": low, "high": high, "reach": reach}
     if fitted.search is not None:
         about["search"] = search_section(fitted.search)
     if fitted.calibration is not None:

@@ -88,7 +88,8 @@ def overview_of(
     proposal = propose(source)
     proposal = replace(proposal, channels=replace(channels or proposal.channels, dbc=files))
     picks, mismatches = _picks(source, proposal, channels)
-    problems, warnings = [*source.problems, *mismatches], [*source.warnings]
+    file = "" if source.rasters else f"{source.path.name}: "  # the sentence on a file that cannot be read names it
+    problems, warnings = [*(f"{file}{text}" for text in source.problems), *mismatches], [*source.warnings]
     wrong, remarks, summaries = list[str](), list[str](), list[_Summary]()
     for index, raster in enumerate(source.rasters):
         chosen = [pick for pick in picks if pick.raster == index]

@@ -63,6 +63,19 @@ def split_name(name: str) -> tuple[str, str]:
     return (inner.removesuffix(suffix), name[len(inner) - len(suffix) :]) if suffix.lower() in SUFFIXES else (name, "")
 
 
+def binary_kind(name: str) -> str:
+    """The format that the suffix of a file names, in capitals, if it is no text.
+
+    Examples
+    --------
+    >>> binary_kind("run.mf4"), binary_kind("run.csv")
+    ('MDF', '')
+    """
+    suffix = Path(name).suffix.lower()
+    kinds = (row.kind.upper() for row in FORMATS if suffix in row.suffixes and (row.marks or row.kind == "mat"))
+    return next(kinds, "")
+
+
 def recording_name(name: str) -> str:
     """Name of the recording in a file: without the suffix of its format and packing, else without its last suffix.
 

@@ -63,11 +63,11 @@ class RequestText:
         Measured columns to compare: position, or position,pressure_a, as `calibrate` does by default; pressure_a alone
         with the position as input.
     free
-        Free parameters, comma-separated; `load`, the default, means all load weights, `auto`, that of `calibrate`, all
+        Free parameters, comma-separated. `load`, the default, means all load weights, `auto`, that of `calibrate`, all
         parameters that a recording with pressure can determine, `NAME@EACH` a parameter of its own for every recording,
         reported as NAME@STEM.
     bounds
-        Bounds in SI units, NAME=LOW:HIGH; several may follow each other; a side may be empty.
+        Bounds in SI units, NAME=LOW:HIGH. Several may follow each other; a side may be empty.
     every
         Restart the simulation at the measured position after every N samples.
     parts
@@ -82,9 +82,9 @@ class RequestText:
         own, whose file is executed. By default isothermal; for `--free auto` energy-balance-stribeck, without a carrier
         energy-balance-stribeck-proportional.
     method
-        simulation (the paper), shooting (multiple shooting with soft continuity) or prediction-error (a Kalman filter
-        that predicts every sample). By default that of the calibration in --start, if there is one; else shooting if
-        the request needs it, as a calibration does; else simulation.
+        simulation, shooting or prediction-error. The first is that of the paper, the second multiple shooting with soft
+        continuity, the third a Kalman filter that predicts every sample. By default that of the calibration in --start,
+        if there is one; else shooting if the request needs it, as a calibration does; else simulation.
     prior
         Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), STD a standard deviation; several may follow each other.
     profile
@@ -140,10 +140,10 @@ class ReadingText:
     Parameters
     ----------
     ambient
-        Ambient pressure, for example 1.013bar: a calibration takes it for that of the vented chamber, and gauge units
+        Ambient pressure, for example 1.013bar. A calibration takes it for that of the vented chamber, and gauge units
         count from it; for these P_0 of the parameter file by default, where it was measured, else 1.013bar.
     map
-        Channel map (TOML) of the recordings, as written by `clutchid look --save`.
+        Channel map (TOML) of the recordings. `clutchid look --save` writes it.
     dbc
         DBC files that decode bus logs; several may follow each other.
     """

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clutchid.documents.results import SavedLoad
 from clutchid.errors import ClutchidError, ParameterError
 from clutchid.estimation.automatic import AUTOMATIC
 from clutchid.estimation.parameter_file import ParameterFile, read_parameters, started
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
+from clutchid.files.records import read_record, read_toml
+from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
 from clutchid.model.own import OwnModel
 
 if TYPE_CHECKING:
-    from clutchid.inference.uncertainty.calibration import Origin
-    from clutchid.inference.uncertainty.estimates import LoadCurve
     from clutchid.model.compiled import Model
 
 #: A calibration: a result, the contents of its file, or the path of that.
@@ -78,25 +81,46 @@ def compile_models(calibrations: Iterable[Path]) -> None:
     compile_filter()
 
 
-def read_calibration(path: Path) -> tuple[Origin, LoadCurve | None]:
-    """Origin of the calibration in a parameter file, and its load, None if the file has none.
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Section [fit.load] of a parameter file, in SI."""
+
+    position: FloatArray
+    force: FloatArray
+    low: FloatArray
+    high: FloatArray
+    reach: float
+
+
+def saved_load(path: Path) -> SavedLoad:
+    """The load in a parameter file: as it was fitted, or that of its calibration.
 
     Raises
     ------
     DataError, ParameterError
-        If it cannot be understood, or has none.
+        If the file cannot be understood, or has no load.
     """
     from clutchid.estimation.result import calibrated_curve
+    from clutchid.inference.uncertainty.estimates import LoadCurve
     from clutchid.numerics.interval import QUANTILE
 
     content = read_parameters(path)
-    if content.calibration is None:
+    calibration, curve, reach = content.calibration, None, math.nan
+    if "load" in content.fit:
+        section = read_record(_Kept, content.fit["load"], f"{path}: [fit.load]")
+        sides = section.position, section.force, section.low, section.high
+        curve, reach = LoadCurve(*sides), section.reach
+        if len({side.size for side in sides}) != 1 or section.position.size < 2:
+            raise ParameterError(f"{path}: [fit.load]: as many positions as forces are needed; save the fit again.")
+    elif calibration and (by_data := calibrated_curve(content.actuator, calibration)):
+        curve = by_data.widened(QUANTILE * calibration.missed)
+        reach = calibration.travel.reach if calibration.travel else math.nan
+    if curve is None:
         raise ParameterError(
-            f"{path}: is a parameter file without a calibration; a calibration is written by "
-            "`clutchid calibrate --save CAL.toml`."
+            f"{path}: is a parameter file without a fitted load; `clutchid calibrate` and `estimate` write one with "
+            "--save."
         )
-    by_data = calibrated_curve(content.actuator, content.calibration)
-    return content.origin, by_data and by_data.widened(QUANTILE * content.calibration.missed)
+    return SavedLoad(*content.origin, curve, reach, calibration is not None)
 
 
 def calibration_file(start: CalibrationSource) -> ParameterFile:
@@ -107,8 +131,6 @@ def calibration_file(start: CalibrationSource) -> ParameterFile:
     DataError, ParameterError
         If it cannot be read, or has none.
     """
-    from clutchid.files.records import read_toml
-
     content = content_of(start)
     if isinstance(start, Fit | ParameterFile):
         return content

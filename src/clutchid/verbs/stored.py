@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.errors import DataError
-from clutchid.log import INPUTS, FloatArray, Log
+from clutchid.log import INPUTS, FloatArray, Log, concatenated
 from clutchid.measurements import AMBIENT, BLOCK, Heading, Source, in_si, open_source, source_pieces
 from clutchid.measurements.look import overview_of
 from clutchid.measurements.map.channel_map import read_map
@@ -82,8 +82,8 @@ class StoredRecording:
 
         return checked_recording(contents, self.channels, None, read)
 
-    def cut(self, begins: Iterable[float], out: Path) -> None:
-        """Write the strokes that begin at these times in s as a recording.
+    def cut(self, begins: Iterable[float], out: Path, span: tuple[float, float] | None = None) -> None:
+        """Write the strokes that begin at these times in s, or all samples of a span in s, as a recording.
 
         Raises
         ------
@@ -93,6 +93,11 @@ class StoredRecording:
         from clutchid.measurements import write
         from clutchid.strokes import joined, sections_of
 
+        if span is not None:
+            pieces = source_pieces(self.source, self.channels, self.ambient)
+            parts = [piece.slice(*np.searchsorted(piece.time, span).tolist()) for piece in pieces]
+            write(concatenated([part for part in parts if len(part)] or parts[:1]), out)
+            return
         chosen = {round(float(begin), 6) for begin in begins}
         pieces = source_pieces(self.source, self.channels, self.ambient)
         sections = [section for section in sections_of(pieces) if round(section.start, 6) in chosen]

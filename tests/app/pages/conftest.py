@@ -57,6 +57,7 @@ def files(tmp_path_factory):
             mdf.save(folder / file)
     write(drive(Truck(), seconds=10.0, seed=2, pressure=False, wear=1.2e-3).log, folder / "worn.csv")
     write(log.slice(0, 5000), folder / "cal.csv")
+    (folder / "broken.mf4").write_bytes((folder / "Messung.mf4").read_bytes()[:100])
     (folder / "broken.csv").write_text("time [s],position [m]\n0,0\n0,x\n")
     text = (folder / "worn.csv").read_text().replace("position [m]", "position [m],<img src=x onerror=alert(1)> [1]", 1)
     head, *rows = text.splitlines()
@@ -68,8 +69,8 @@ def files(tmp_path_factory):
 @pytest.fixture
 def server(files):
     """The address of a server whose folder is that of the files."""
-    command = [sys.executable, "-m", "clutchid", "app", "--no-browser", "--folder", str(files)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "clutchid", "app", "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=files)
     yield process.stdout.readline().strip()
     process.send_signal(signal.SIGINT)
     _, said = process.communicate(timeout=20)

@@ -3,6 +3,8 @@
 import json
 from dataclasses import replace
 
+import pytest
+
 from clutchid.app.records import Result, content
 
 DROP = """(target, name) => {
@@ -33,12 +35,18 @@ def test_a_recording_is_dragged_to_verify_and_back_and_the_ticks_follow(page, op
     assert page.locator("#run-calibrate").is_enabled()
 
 
-def test_a_broken_file_is_said_to_be_one_and_is_not_chosen(page, files):
-    page.set_input_files("#files", str(files / "broken.csv"))
+@pytest.mark.parametrize("name", ["broken.csv", "broken.mf4"])
+def test_a_file_that_cannot_be_read_is_said_to_be_one_and_is_offered_nowhere(page, files, name):
+    page.set_input_files("#files", str(files / name))
     page.locator("#item-recording-1 .dot.bad").wait_for()
+    page.locator(".details .notice.bad").wait_for()
+    assert page.locator("#apply, .details .notice.care, [aria-label=Checks]").count() == 0
+    assert page.locator("[aria-label=Channels]").count() == (name == "broken.csv")
     page.click("nav >> text=Load")
-    assert "has problems" in page.locator(".choose").first.inner_text()
-    assert page.locator(".choose input:checked").count() == 0
+    assert "Open a recording first" in page.locator("#calibrate").inner_text()
+    assert page.locator(".choose").count() == 0
+    page.click("nav >> text=On line")
+    assert page.locator("#observe-recording option").all_inner_texts() == ["–"]
 
 
 def test_changes_are_said_in_the_words_of_the_command_line(page):

@@ -1,5 +1,12 @@
 """A newcomer's way: from a file with German names to the load of a worn clutch, and to the control unit."""
 
+#: Colours of a chart of loads near its upper edge, at positions in mm.
+AT_MILLIMETRES = """(chart, positions) => positions.map((x) => {
+  const [canvas, over] = [chart.querySelector("canvas"), chart.querySelector(".u-over")];
+  const left = over.offsetLeft + over.clientWidth * x / 24.7;
+  return canvas.getContext("2d").getImageData(left, over.offsetTop + 3, 1, 1).data.slice(0, 3).join();
+})"""
+
 
 def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, files, picture):
     opened("Messung.mf4")
@@ -25,9 +32,11 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     assert "half-load position" in page.locator(".summary").inner_text()
     for chart in ("load", "change"):  # the answer is on the first screen
         assert page.locator(f"#chart-{chart} .u-over").bounding_box()["y"] < 700.0
+    assert page.locator("#chart-load").evaluate(AT_MILLIMETRES, [4.5, 6.5]) == ["0,0,0", "253,243,215"]  # shaded
+    legends = page.locator(".strips .u-legend").all_inner_texts()
+    assert legends[0].find("simulated") < legends[0].find("measured")  # which is drawn over it
     page.set_viewport_size({"width": 500, "height": 950})
-    box = page.locator(".answer").bounding_box()
-    assert box["y"] + box["height"] < 950.0
+    assert page.locator(".forms").bounding_box()["y"] < page.locator(".results").bounding_box()["y"]
     assert page.locator(".summary .fixed").evaluate("cell => cell.scrollWidth <= cell.clientWidth")
     page.set_viewport_size({"width": 1400, "height": 950})
     assert page.locator("table.board tr").count() == 2
@@ -39,9 +48,15 @@ def test_from_a_german_file_to_what_has_changed_and_an_export(page, opened, file
     page.locator("text=the C agrees with Python").wait_for()
     with page.expect_download() as download:
         page.click("text=Export (ZIP)")
-    assert download.value.suggested_filename.endswith("export.zip")
+    assert download.value.suggested_filename == "calibrate Messung.mf4 (3).zip"
     page.click("text=Repeat it on the command line")
     assert "clutchid calibrate Messung.mf4 --map Messung.mf4.map.toml" in page.locator("pre").first.inner_text()
+
+    page.click("nav >> text=Recording")
+    page.click("text=Forget this recording")
+    opened("Verschleiss.mf4", 5)
+    page.click("text=Use the map of calibrate Messung.mf4 (3)")
+    page.locator("text=map.toml").wait_for()
 
 
 def test_a_calibrated_curve_takes_three_clicks_and_its_report_is_opened_beside_the_page(page, opened):

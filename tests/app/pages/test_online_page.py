@@ -44,4 +44,4 @@ def test_a_recording_is_played_paused_and_stepped_by_strokes(page, opened, pictu
     )
     page.click("#next")
     page.locator("#export").wait_for()
-    assert page.locator(".answer h2").inner_text() == "3: calibrate cal.csv"
+    assert page.locator(".answer h2").inner_text() == "calibrate cal.csv (3)"

@@ -83,6 +83,9 @@ def test_strips_show_the_channels_of_the_map_as_it_is_changed(page, strips):
     assert page.locator(".strips .uplot").count() == 2
     page.check("[aria-label='Plot Druck_Zylinder']")  # as it is, without a quantity
     page.locator(".strips .uplot").nth(2).wait_for()
+    page.select_option("[aria-label='Quantity of Tastverhältnis_Belüftung']", "")
+    drawn = page.locator(".u-legend", has_text="duty_exhaust (Tastverhältnis_Entlüftung)")
+    assert "Tastverhältnis_Belüftung" in drawn.inner_text()  # a candidate of what the map lacks
 
 
 def test_the_map_of_another_recording_is_used_and_what_only_that_one_has_can_be_removed(page, opened, strips):
@@ -150,3 +153,13 @@ def test_a_second_tab_shows_the_same_a_reload_loses_nothing_and_what_is_forgotte
     page.click("#item-recording-1")
     page.click("text=Forget this recording")
     other.locator("#item-recording-1").wait_for(state="detached")
+
+
+def test_a_range_of_time_is_cut_out_as_a_recording_of_its_own(page, opened):
+    opened("cal.csv")
+    page.locator(".strips[data-shown]").wait_for()
+    page.click("[aria-label='Zoom in']")
+    page.locator('.strips:not([data-shown="0 4.999"])').wait_for()
+    page.click("text=Cut out this range")
+    page.locator("#item-recording-2 .dot:is(.good, .suspect)").wait_for()
+    assert page.locator(".details h2").inner_text() == "cal-cut.parquet"

@@ -96,7 +96,7 @@ def test_a_plot_has_the_trend_the_band_and_the_forecast(results):
       const near = (wanted) => { let count = 0;
         for (let i = 0; i < data.length; i += 4) if (data[i + 3] && wanted.every((value, k) => Math.abs(data[i + k] - value) < 12)) count += 1;
         return count; };
-      return { trend: near([0, 114, 178]), reading: near([176, 176, 176]), limit: near([230, 159, 0]) };
+      return { trend: near([0, 114, 178]), reading: near([26, 26, 26]), limit: near([230, 159, 0]) };
     }""")  # noqa: E501
     assert all(count > 50 for count in colours.values()), colours
 

@@ -2,22 +2,27 @@
 import uPlot from "./vendor/uPlot.esm.js";
 import { SERIES, colour, h, marked, short } from "./page.js";
 
-/** A plot in `holder`: `curves` are {label, colour, position in m, force, low, high in N}; null where there is no band. */
+const ENGAGING = [5, 8];      // mm, where the clutch engages
+
+/** A plot in `holder`: `curves` are {label, colour, position in m, force, low, high in N, reach in m}; null where there is no band; beyond the reach, if it is known, a load is dashed. */
 export function curves(holder, title, several, { zero = false } = {}) {
   holder.replaceChildren();
   if (!several.length) return null;
-  const tables = several.map((one) => [one.position.map((x) => 1e3 * x), one.force, one.low, one.high]);
+  const within = (one) => (one.reach ? one.position.findLastIndex((x) => x <= one.reach) : one.position.length);
+  const tables = several.map((one) => [one.position.map((x) => 1e3 * x), ...[(i) => i <= within(one), (i) => i >= within(one)].map((is) => one.force.map((value, i) => (is(i) ? value : null))), one.low, one.high]);
   const data = uPlot.join(tables);
   const axis = { stroke: () => colour("ink"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("grid") },
     font: "12px sans-serif", labelFont: "13px sans-serif" };
   const series = [{ label: "position [mm]", value: (_, value) => short(value, 4) }];
   const bands = [];
   several.forEach((one, index) => {
-    const base = 3 * index + 1;
+    const base = 4 * index + 1;
     const shown = () => colour(SERIES[one.colour % SERIES.length]);
-    series.push({ label: one.label, stroke: shown, width: 2, spanGaps: true, value: (_, value) => (value === null || value === undefined ? "–" : `${value.toFixed(0)} N`), points: { show: false } });
+    const force = (value) => (value === null || value === undefined ? "–" : `${value.toFixed(0)} N`);
+    series.push({ label: one.label, stroke: shown, width: 2, spanGaps: true, value: (u, value, k, i) => force(value ?? u.data[k + 1][i]), points: { show: false } });
+    series.push({ label: `${one.label} beyond the recorded range`, class: "edge", stroke: shown, width: 1.4, dash: [6, 5], spanGaps: true, points: { show: false } });
     for (const edge of ["low", "high"]) series.push({ label: `${one.label} ${edge}`, class: "edge", stroke: () => "transparent", spanGaps: true, points: { show: false } });
-    bands.push({ series: [base + 2, base + 1], fill: () => `${shown()}38` });
+    bands.push({ series: [base + 3, base + 2], fill: () => `${shown()}38` });
   });
   const middles = several.flatMap((one) => one.force.filter((value) => value !== null));
   const edges = several.flatMap((one) => [...one.low, ...one.high].filter((value) => value !== null));
@@ -27,19 +32,24 @@ export function curves(holder, title, several, { zero = false } = {}) {
   const high = Math.min(Math.max(...edges, highest), highest + room);
   const plot = new uPlot({
     width: Math.max(holder.clientWidth, 200), height: 300, pxAlign: 0, title,
-    legend: marked([null, ...several.flatMap((one) => Array(3).fill(SERIES[one.colour % SERIES.length]))]),
+    legend: marked([null, ...several.flatMap((one) => Array(4).fill(SERIES[one.colour % SERIES.length]))]),
     cursor: { drag: { x: true, y: false }, points: { size: 6 } },
     scales: { x: { time: false }, y: { range: () => [low - 0.04 * (high - low), high + 0.04 * (high - low)] } },
     axes: [{ ...axis, label: "position [mm]", labelSize: 20, size: 36 },
       { ...axis, label: zero ? "change of the load [N]" : "load [N]", labelSize: 20, size: 62, values: (_, splits) => splits.map((value) => short(value, 6)) }],
     series, bands,
+    hooks: { drawClear: [(u) => {
+      const [left, right] = ENGAGING.map((x) => Math.min(Math.max(u.valToPos(x, "x", true), u.bbox.left), u.bbox.left + u.bbox.width));
+      u.ctx.fillStyle = colour("span");
+      u.ctx.fillRect(left, u.bbox.top, right - left, u.bbox.height);
+    }] },
   }, data, holder);
   const observer = new ResizeObserver(() => {
     const width = Math.max(holder.clientWidth, 200);
     if (plot.width !== width) plot.setSize({ width, height: 300 });
   });
   observer.observe(holder);
-  holder.append(h("p", { class: "hint" }, "Shaded: 95 % interval. Drag to zoom, double-click for all."));
+  holder.append(h("p", { class: "hint" }, `Around a load its 95 % interval${several.some((one) => one.reach) ? "; dashed beyond the recorded range" : ""}; shaded 5 to 8 mm, where the clutch engages. Drag to zoom, double-click for all.`));
   return { redraw: () => plot.redraw(true), end: () => { observer.disconnect(); plot.destroy(); } };
 }
 
@@ -102,7 +112,7 @@ export function trends(holder, trend, recordings, state) {
     const limited = limit?.of === name && state.forecast;
     const tables = [[line.x, line.value, line.low, line.high], points(true), points(false)].filter(([x]) => x.length);
     const ink = (which) => () => colour(which);
-    const dots = (label, which, fill) => ({ label, which, stroke: ink(which), paths: () => null, points: { show: true, size: 6, width: 1.5, stroke: ink(which), fill: ink(fill) } });
+    const dots = (label, which, fill) => ({ label, which, stroke: ink(which), paths: () => null, points: { show: true, size: 8, width: 1.5, stroke: ink(which), fill: ink(fill) } });
     const shown = (_, y) => short(y, 4);
     const edges = (label) => ({ label, class: "edge", stroke: () => "transparent", points: { show: false } });
     const style = { stroke: ink("ink"), grid: { stroke: ink("grid"), width: 1 }, ticks: { stroke: ink("grid") }, font: "12px sans-serif", labelFont: "12px sans-serif" };
@@ -111,7 +121,7 @@ export function trends(holder, trend, recordings, state) {
     const room = 0.08 * (top - bottom || Math.abs(top) || 1);
     const series = [{ label: axis, value: (_, x) => (x === null || x === undefined ? "–" : Math.round(x).toLocaleString("en")) },
       { label: "trend", which: "blue", stroke: ink("blue"), width: 2, value: shown, points: { show: line.x.length === 1 } }, edges("low"), edges("high"),
-      ...[[true, "reading", "measured", "measured"], [false, "left out", "red", "paper"]].filter(([counts]) => points(counts)[0].length).map(([, ...rest]) => ({ ...dots(...rest), value: shown }))];
+      ...[[true, "reading", "ink", "ink"], [false, "left out", "red", "paper"]].filter(([counts]) => points(counts)[0].length).map(([, ...rest]) => ({ ...dots(...rest), value: shown }))];
     const all = uPlot.join(tables);
     return new uPlot({
       width: Math.max(area.clientWidth, 200), height: HEIGHT, pxAlign: 0,

@@ -1,8 +1,8 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, dropping, fill, gone, h, lasts, nextStep, notice, older, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
+import { about, all, badge, dropping, fill, gone, h, lasts, named, nextStep, notice, older, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
 import { curves } from "./curves.js";
-import { strips } from "./strips.js";
-import { contents, has, ready, take, unchecked, worst } from "./recording.js";
+import { EDGE, UNDER, strips } from "./strips.js";
+import { contents, has, readable, ready, take, unchecked, worst } from "./recording.js";
 
 const chosen = { calibrate: new Set(), estimate: new Set(), start: "" };
 const verified = { calibrate: new Set(), estimate: new Set() };
@@ -15,10 +15,11 @@ const opened = new Set();     // verbs whose options are shown
 const target = { to: "c", method: "joint" };  // of an export
 let open = "";                // the result whose details are shown
 let awaited = "";             // a result that was begun, and is not among the events yet
+let begun = "";               // a result that was begun here, whose answer is shown once it is there
 let plots = [];
 
 export { calibrations };
-lasts("load", { chosen, verified, options, known, board, opened, target });
+lasts("load", { chosen, verified, options, known, board, opened, target, get open() { return open; }, set open(id) { open = id; } });
 
 export function loadStage(main, show) {
   const forms = h("div", { class: "forms" });
@@ -34,6 +35,7 @@ export function loadStage(main, show) {
     drawForms(forms, () => draw());
     drawResults(results, () => { drawResults(results, () => draw()); drawCharts(chart); drawResult(); });
     if (!these || kinds.has("result")) { drawCharts(chart); drawResult(); }
+    if (one("result", begun)?.found || one("result", begun)?.message) { begun = ""; answer.scrollIntoView({ block: "nearest" }); }
   };
   draw();
   return { changed: draw, choose(id) { open = id; draw(); document.getElementById("downloads")?.scrollIntoView(); }, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
@@ -59,10 +61,10 @@ function offer() {
     chosen.start = result.id;
     for (const id of result.recordings) chosen.estimate.delete(id);  // its load is known
   }
-  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id)) set.delete(id);
+  for (const set of [chosen.calibrate, chosen.estimate, verified.calibrate, verified.estimate]) for (const id of set) if (gone.has(id) || (one("recording", id) && !readable(one("recording", id)))) set.delete(id);
   for (const id of board) if (gone.has(id)) board.delete(id);
   if (one("result", awaited)) awaited = "";
-  if (!one("result", open) && !awaited) open = all("result").at(-1)?.id ?? "";
+  if ((!open || gone.has(open)) && !awaited) open = all("result").at(-1)?.id ?? "";
   if (gone.has(chosen.start)) chosen.start = "";
 }
 
@@ -71,10 +73,10 @@ const calibrations = () => all("result").filter((result) => result.found?.is_cal
 /** Why a verb cannot run yet; empty where it can. */
 function missing(verb) {
   const these = [...chosen[verb]].map((id) => one("recording", id)).filter(Boolean);
-  if (!all("recording").length) return "Open a recording first.";
+  if (!all("recording").some(readable)) return "Open a recording first.";
   if (!these.length) return "Choose a recording.";
   const unread = these.find((recording) => !ready(recording));
-  if (unread) return unread.look?.status === "bad_input" ? `${unread.name} has problems: see “Recording”.` : `${unread.name} is not read yet.`;
+  if (unread) return `${unread.name} is not read yet.`;
   const unmapped = these.find(unchecked);
   if (unmapped) return `${unmapped.name}: check its channels under “Recording”, and keep the map.`;
   const blind = these.find((recording) => verb === "calibrate" && !has(recording, "pressure_a") && !(options[verb].measure ?? "").length);
@@ -94,9 +96,9 @@ function form(verb, title, purpose, redraw) {
   const why = missing(verb);
   const pick = (set, recording, label) => h("input", { type: "checkbox", id: `${label}-${verb}-${recording.id}`, checked: set.has(recording.id), "aria-label": `${label} ${recording.name} (${verb})`,
     onchange: (event) => { set[event.target.checked ? "add" : "delete"](recording.id); redraw(); } });
-  const rows = all("recording").map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
+  const rows = all("recording").filter(readable).map((recording) => h("tr", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", recording.id) },
     h("td", {}, pick(chosen[verb], recording, "fit")), h("td", {}, pick(verified[verb], recording, "verify")),
-    h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), recording.name),
+    h("th", { scope: "row" }, h("span", { class: `dot ${worst(recording)}` }), named(recording.name)),
     h("td", { class: "hint" }, contents(recording))));
   const put = (role, id) => {  // a recording is fitted or verified
     (role === "fit" ? chosen[verb] : verified[verb]).add(id);
@@ -105,7 +107,7 @@ function form(verb, title, purpose, redraw) {
   };
   const slot = (role, title, set) => {
     const these = [...set].filter((id) => one("recording", id) && (role === "fit" || !chosen[verb].has(id)));
-    const chip = (id) => h("li", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", id) }, one("recording", id).name,
+    const chip = (id) => h("li", { draggable: "true", ondragstart: (event) => event.dataTransfer.setData("text/plain", id) }, h("span", {}, named(one("recording", id).name)),
       h("button", { type: "button", class: "link", id: `${role}-${verb}-${id}-away`, "aria-label": `Take ${one("recording", id).name} from ${role} (${verb})`, onclick: () => { set.delete(id); redraw(); } }, "×"));
     return dropping(h("div", { class: "drop slot", id: `${role}-${verb}` }, h("strong", {}, title), these.length ? h("ul", {}, these.map(chip)) : h("span", { class: "hint" }, "drop recordings or files here")), (event) => {
       if (event.dataTransfer.files.length) { take([...event.dataTransfer.files], redraw, (id) => (one("recording", id) ? put(role, id) : sent.set(id, () => put(role, id)))).then((problem) => { refused[verb] = problem; redraw(); }); return; }
@@ -120,7 +122,7 @@ function form(verb, title, purpose, redraw) {
       const recordings = [...chosen[verb]];
       const verify = [...verified[verb]].filter((id) => !chosen[verb].has(id));
       const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
-      open = awaited = id;
+      open = awaited = begun = id;
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
   };
@@ -128,7 +130,7 @@ function form(verb, title, purpose, redraw) {
     h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
     rows.length ? table(["fit", "verify", "recording", "has"], rows, { name: "choose" }) : null,
     verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
-      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, `${result.name} (${result.id.split("-")[1]})`)))),
+      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, result.name)))),
     more(verb, redraw),
     h("div", { class: "run" }, h("button", { type: "button", id: `run-${verb}`, class: "strong", disabled: Boolean(why), onclick: run }, `Run: ${title.toLowerCase()}`), why && h("span", { class: "hint" }, why)),
     notice(refused[verb]));
@@ -161,7 +163,7 @@ function drawResults(results, redraw) {
     h("td", {}, result.found && h("input", { type: "checkbox", id: `show-${result.id}`, checked: board.has(result.id), "aria-label": `Overlay ${result.name}`,
       onchange: (event) => { board[event.target.checked ? "add" : "delete"](result.id); redraw(); } })),
     h("td", {}, h("span", { class: `swatch s${index % 6}` })),
-    h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, `${result.id.split("-")[1]}: ${result.name}`)),
+    h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, named(result.name))),
     h("td", {}, result.found ? result.found.trust && badge(`trust ${result.found.trust}`, grade(result.found.trust)) : badge(WAITING[result.status] ?? result.status, result.status === "failed" ? "bad" : "undetermined")),
     h("td", {}, h("button", { type: "button", class: "plain", "aria-label": `Forget ${result.name}`, onclick: () => send("DELETE", `/api/results/${result.id}`) }, "Forget"))));
   fill(results, h("h2", {}, "Results"), rows.length ? h("div", { class: "scroll" }, h("table", { class: "board" }, h("tbody", {}, rows))) : h("p", { class: "hint" }, "Nothing yet: run a calibration."));
@@ -173,9 +175,9 @@ let drawn = "";
 
 function drawCharts(chart) {
   const overlaid = all("result").map((result, index) => ({ ...result, colour: index })).filter((result) => board.has(result.id) && result.found?.load_curve);
-  const loads = overlaid.map((result) => curve(`${result.id.split("-")[1]}: ${result.name}`, result.colour, result.found.load_curve.position_m, result.found.load_curve.force_N, result.found.load_curve.low_N, result.found.load_curve.high_N));
-  const changes = overlaid.filter((result) => result.found.load_change).map((result) => curve(`${result.id.split("-")[1]} since its calibration`, result.colour, result.found.load_change.position_m,
-    result.found.load_change.difference_N, result.found.load_change.low_N, result.found.load_change.high_N));
+  const loads = overlaid.map((result) => curve(result.name, result.colour, result.found.load_curve.position_m, result.found.load_curve.force_N, result.found.load_curve.low_N, result.found.load_curve.high_N, result.found.reach_m));
+  const changes = overlaid.filter((result) => result.found.load_change).map((result) => curve(`${result.name} since its calibration`, result.colour, result.found.load_change.position_m,
+    result.found.load_change.difference_N, result.found.load_change.low_N, result.found.load_change.high_N, result.found.reach_m));
   const now = JSON.stringify([loads, changes]);
   if (now === drawn && chart.childElementCount) return;
   drawn = now;
@@ -184,7 +186,7 @@ function drawCharts(chart) {
   fill(chart, loads.length ? first : null, changes.length ? second : null);
   plots = [curves(first, "Load of the clutch", loads), curves(second, "Change since the calibration", changes, { zero: true })];
 }
-const curve = (label, colour, position, force, low, high) => ({ label, colour, position, force, low, high });
+const curve = (label, colour, position, force, low, high, reach) => ({ label, colour, position, force, low, high, reach });
 
 let residuals = null;
 
@@ -194,7 +196,7 @@ function drawAnswer(answer, show) {
   if (!result) { fill(answer); return; }
   const { found } = result;
   const acts = { estimate: ["Estimate a worn clutch", () => document.getElementById("estimate").scrollIntoView()], correct: ["Look at the recording", () => show("recording", result.recordings[0])] };
-  fill(answer, h("div", { class: "head" }, h("h2", {}, `${result.id.split("-")[1]}: ${result.name}`)),
+  fill(answer, h("div", { class: "head" }, h("h2", {}, named(result.name))),
     !found && (result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`)), !found && result.bad_input && h("p", { class: "hint" }, "Mend what the sentence says, and run it again."),
     found?.summary && summary(found.summary), found?.next && nextStep(found.next, acts[found.next.kind]));
 }
@@ -245,10 +247,10 @@ function residualStrips(holder, result) {
     const { columns, span } = recordings[grid];
     const line = (name, label, colour, factor, more = {}) => columns.includes(name) ? [{ label, colour, grid, column: columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
     const panels = [
-      { title: "position", unit: "mm", series: [...line("position", "measured", "measured", 1e3, { width: 2 }), ...line("simulated position", "simulated", "blue", 1e3)] },
+      { title: "position", unit: "mm", series: [...line("simulated position", "simulated", "blue", 1e3, UNDER), ...line("position", "measured", "ink", 1e3)] },
       { title: "residual", unit: "mm", series: line("residual position", "measured − simulated", "orange", 1e3) },
-      { title: "pressure", unit: "bar", series: [...line("pressure_a", "measured", "measured", 1e-5, { width: 2 }), ...line("simulated pressure_a", "simulated", "blue", 1e-5),
-        ...line("pressure_a low", "95 % from", "blue", 1e-5, { dash: [4, 4], width: 0.75 }), ...line("pressure_a high", "to", "blue", 1e-5, { dash: [4, 4], width: 0.75 })] },
+      { title: "pressure", unit: "bar", series: [...line("simulated pressure_a", "simulated", "blue", 1e-5, UNDER), ...line("pressure_a", "measured", "ink", 1e-5),
+        ...line("pressure_a low", "95 % from", "blue", 1e-5, EDGE), ...line("pressure_a high", "to", "blue", 1e-5, EDGE)] },
       { title: "residual", unit: "bar", series: line("residual pressure_a", "measured − simulated", "orange", 1e-5) },
     ].filter((panel) => panel.series.length);
     shown = strips(area, { panels, span, read: (...rest) => points(`/api/results/${result.id}/plot`, ...rest) });

@@ -1,9 +1,9 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, gone, h, item, lasts, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
+import { all, fill, gone, h, item, lasts, named, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
 import { curves } from "./curves.js";
-import { strips } from "./strips.js";
+import { EDGE, UNDER, strips } from "./strips.js";
 import { calibrations } from "./load.js";
-import { has, ready, unchecked } from "./recording.js";
+import { has, readable, ready, unchecked } from "./recording.js";
 
 const METHODS = ["joint", "states", "paper"];
 const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
@@ -26,7 +26,7 @@ export function onlineStage(main, show) {
     if (one("observation", awaited)) awaited = "";
     if (!one("observation", open) && !awaited) open = all("observation").at(-1)?.id ?? "";
     drawForm(form, draw);
-    fill(list, all("observation").map((run) => item(run.id, run.id === open, run.found ? "good" : run.status === "failed" ? "bad" : "", `${run.name}, ${run.method}`, run.found ? "" : run.status,
+    fill(list, all("observation").map((run) => item(run.id, run.id === open, run.found ? "good" : run.status === "failed" ? "bad" : "", run.name, run.found ? run.method : run.status,
       () => { open = run.id; draw(); })));
     const run = one("observation", open);
     const now = `${open} ${run?.status} ${run?.message} ${Boolean(run?.found)}`;
@@ -43,21 +43,20 @@ function missing() {
   const recording = one("recording", chosen.recording);
   if (!recording) return "Choose a recording.";
   if (!recording.look || recording.look.checking) return `${recording.name} is not read yet.`;
-  if (recording.look.status === "bad_input") return `${recording.name} has problems: see “Recording”.`;
   if (unchecked(recording)) return `${recording.name}: check its channels under “Recording”, and keep the map.`;
   return chosen.start ? "" : "Choose a calibration: make one under “Load”, or open one that was saved.";
 }
 
 function drawForm(form, redraw) {
-  const recordings = all("recording").filter((recording) => recording.look);
-  if (!chosen.recording || gone.has(chosen.recording)) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
+  const recordings = all("recording").filter((recording) => recording.look && readable(recording));
+  if (!chosen.recording || gone.has(chosen.recording) || (one("recording", chosen.recording) && !readable(one("recording", chosen.recording)))) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
   if (!chosen.start || gone.has(chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
   const why = missing();
   const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },
     values.map(([value, words]) => h("option", { value, selected: chosen[name] === value }, words))));
   fill(form, h("h2", {}, "Observe"), h("p", { class: "hint" }, "Load and pressure sample by sample, from position and duty cycles alone."),
     select("recording", "Recording", [["", "–"], ...recordings.map((recording) => [recording.id, recording.name])]),
-    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, `${result.name} (${result.id.split("-")[1]})`])]),
+    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, result.name])]),
     select("method", "Method (--method)", METHODS.map((name) => [name, name])),
     h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Go on although a check is bad (--force)")),
     h("div", { class: "run" }, h("button", { type: "button", id: "run-observe", class: "strong", disabled: Boolean(why), onclick: async () => {
@@ -68,7 +67,7 @@ function drawForm(form, redraw) {
 
 function drawPlayer(player, run, showStage) {
   if (!run) { fill(player, h("p", { class: "hint" }, "Nothing yet: run an observer.")); return null; }
-  const head = h("div", { class: "head" }, h("h2", {}, run.name), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
+  const head = h("div", { class: "head" }, h("h2", {}, named(run.name)), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
   const { found } = run;
   if (!found) { fill(player, head, run.message ? notice(run.message) : h("p", { class: "hint" }, `${run.status} …`)); return null; }
   const [begin, end] = found.span;
@@ -97,8 +96,8 @@ function drawPlayer(player, run, showStage) {
     span: [begin, end], read: (...rest) => points(`/api/observations/${run.id}/plot`, ...rest),
     panels: [
       { title: "position", unit: "mm", series: line("position", "position", "blue", 1e3) },
-      { title: "pressure", unit: "bar", series: [...line("pressure_a_measured [Pa]", "measured", "measured", 1e-5, { width: 2.5 }), ...line("pressure_a", "estimated", "blue", 1e-5),
-        ...line("pressure_a low", "95 % from", "blue", 1e-5, { dash: [4, 4], width: 0.75 }), ...line("pressure_a high", "to", "blue", 1e-5, { dash: [4, 4], width: 0.75 })] },
+      { title: "pressure", unit: "bar", series: [...line("pressure_a", "estimated", "blue", 1e-5, UNDER), ...line("pressure_a_measured [Pa]", "measured", "ink", 1e-5),
+        ...line("pressure_a low", "95 % from", "blue", 1e-5, EDGE), ...line("pressure_a high", "to", "blue", 1e-5, EDGE)] },
       { title: "innovation", unit: "mm", series: line("innovation", "measured − predicted position", "orange", 1e3) },
       { title: "usable", unit: "", series: [...line("used [1]", "position usable", "green", 1), ...line("nis_ratio [1]", "innovations against usual", "purple", 1)] },
     ].filter((panel) => panel.series.length),
@@ -127,7 +126,7 @@ function drawPlayer(player, run, showStage) {
     if (row.stroke !== drawnStroke) {
       drawnStroke = row.stroke;
       chart?.end();
-      const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N });
+      const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N, reach: found.reach_m });
       chart = curves(load, "Load as it is known at this time", [curve("before the first sample", 5, found.calibrated), curve("now", 0, row.curve)]);
       words.textContent = row.stroke ? `After stroke ${row.stroke}, which ended at ${row.time.toFixed(2)} s.` : "Before the end of the first stroke.";
     }

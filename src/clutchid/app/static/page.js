@@ -117,8 +117,8 @@ export async function learn() {
   Object.assign(about, await ask("/api/about"));
   const name = `clutchid ${about.session}`;
   const kept = sessionStorage.getItem(name);
-  restore(lasting, kept ? JSON.parse(kept) : { older: about.offered });
-  const save = () => sessionStorage.setItem(name, JSON.stringify(lasting, (_, value) => (value instanceof Set || value instanceof Map ? [...value] : value)));
+  restore(lasting, kept ? JSON.parse(kept, (_, value) => (value?.$map ? new Map(value.$map) : value?.$set ? new Set(value.$set) : value)) : { older: about.offered });
+  const save = () => sessionStorage.setItem(name, JSON.stringify(lasting, (_, value) => (value instanceof Set ? { $set: [...value] } : value instanceof Map ? { $map: [...value] } : value)));
   for (const event of ["pagehide", "visibilitychange", "change", "click"]) addEventListener(event, save);
 }
 
@@ -158,6 +158,9 @@ export function table(heads, rows, { name = "", scroll = "" } = {}) {
   return scroll ? h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": scroll }, made) : made;
 }
 
+/** A name that breaks behind dots, dashes and underscores where it is too long for its line. */
+export const named = (name) => name.split(/(?<=[._-])(?=.)/).flatMap((part, k) => (k ? [h("wbr"), part] : [part]));
+
 /** The rows of a summary: what a result says, in the words of the command line. */
 export const summary = (rows) => h("dl", { class: "summary" }, (rows ?? []).map((row) => [h("dt", {}, row.label), h("dd", { class: `${row.fixed ? "fixed" : ""} ${row.mood.replace(" ", "-")}` }, row.text)]));
 
@@ -178,7 +181,7 @@ export const badge = (text, mood) => h("span", { class: `badge ${mood.replace(" 
 
 /** An entry of the list at the left: its mark, name and state. */
 export const item = (id, chosen, mood, name, hint, act) => h("div", { role: "listitem" }, h("button", { type: "button", id: `item-${id}`, class: `item ${chosen ? "chosen" : ""}`, "aria-pressed": String(chosen), onclick: act },
-  h("span", { class: `dot ${mood}` }), h("span", { class: "name" }, name), h("span", { class: "hint" }, hint)));
+  h("span", { class: `dot ${mood}` }), h("span", { class: "name" }, named(name)), h("span", { class: "hint" }, hint)));
 
 /** A button that copies a text, and says so. */
 export function copying(text, label) {

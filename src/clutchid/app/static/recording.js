@@ -1,20 +1,22 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, h, item, lasts, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
 const SHOWN = { m: ["mm", 1e3], Pa: ["bar", 1e-5], "1": ["", 1], s: ["s", 1], N: ["N", 1], K: ["°C", 1, -273.15], "m/s": ["mm/s", 1e3] };
 const TITLES = { m: "position", Pa: "pressure", "1": "duty cycle", K: "temperature", N: "force", "m/s": "velocity", s: "time" };
 const MOST_CHANNELS = 200;
+const MOST_CANDIDATES = 4;    // that are drawn of a duty cycle
 
 const drafts = new Map();     // by recording the map as it is edited, the one last given, and the one shown by the server then
 const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
-lasts("recording", { drafts });
 const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
   open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
+const picked = new Map();     // by recording, the strokes that were chosen in its table
+lasts("recording", { drafts, plotted, searches, picked, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let shown = null;             // the strips of the recording that is shown, where they are, and of what
 let holderOfShown = null;
 let keyOfShown = "";
@@ -30,7 +32,7 @@ export function recordingStage(main) {
   return {
     changed(these) {
       if ([...these].some((text) => text.startsWith("recording"))) {
-        if (!one("recording", chosen)) chosen = all("recording").at(-1)?.id ?? "";
+        if (!chosen || gone.has(chosen)) chosen = all("recording").at(-1)?.id ?? "";
         drawList(list, details);
       }
       if (these.has(`recording ${chosen}`) || (chosen && details.dataset.of !== chosen)) drawDetails(details);
@@ -58,24 +60,25 @@ const STATES = { reading: "reading", failed: "not read", ready: "", cancelled: "
 /** Whether a fit needs the channel map of a recording, and nobody has kept one yet. */
 export const unchecked = (recording) => recording.look.needs_map && !recording.look.complete && !recording.map;
 
+/** Whether a recording is read, or may still be: one that cannot be is offered nowhere. */
+export const readable = ({ status, look }) => status !== "failed" && look?.status !== "bad_input";
+
 /** Whether a recording can be fitted, as far as its channels say. */
-export const ready = (recording) => recording.look && !recording.look.checking && recording.look.status !== "bad_input";
+export const ready = (recording) => recording.look && !recording.look.checking && readable(recording);
 
 /** Whether a recording has the channel of a quantity: a map may name a channel that only other recordings have. */
 export const has = ({ look }, quantity) => look.channels.some((channel) => channel.heading === look.map[quantity]?.channel);
 
 /** What a recording holds, in two words. */
 export function contents(recording) {
-  if (!recording.look) return recording.status === "failed" ? "not read" : "reading";
-  if (recording.look.status === "bad_input") return "has problems";
+  if (!recording.look) return "reading";
   return has(recording, "pressure_a") ? "with pressure" : "position only";
 }
 
 /** The grade of the worst check of a recording. */
 export function worst(recording) {
-  if (recording.status === "failed") return "bad";
+  if (!readable(recording)) return "bad";
   if (!recording.look) return "";
-  if (recording.look.status === "bad_input") return "bad";
   if (unchecked(recording)) return "suspect";
   const grades = recording.look.checks.map((check) => check.grade);
   return grades.includes("bad") ? "bad" : grades.includes("suspect") || recording.look.warnings.length ? "suspect" : grades.length ? "good" : "";
@@ -140,7 +143,7 @@ function drawDetails(details) {
         h("li", {}, "Estimate the load of the worn one, and compare both."))));
     return;
   }
-  const head = h("div", { class: "head" }, h("h2", {}, recording.name),
+  const head = h("div", { class: "head" }, h("h2", {}, named(recording.name)),
     h("button", { type: "button", class: "plain", onclick: () => forget(recording) }, "Forget this recording"));
   if (!recording.look) {
     fill(details, head, recording.message ? notice(recording.message) : h("p", { class: "hint" }, "Reading …"));
@@ -152,13 +155,15 @@ function drawDetails(details) {
     time && `${short(time.last_s - time.first_s, 4)} s`, time?.usual_interval_s && `${short(1 / time.usual_interval_s, 4)} Hz`].filter(Boolean);
   const plots = shown ? holderOfShown : h("section", { "aria-label": "Samples" });  // what was zoomed stays so
   const channels = h("section", { "aria-label": "Channels" });
+  const usable = readable(recording);
   fill(details, head, h("p", { class: "facts" }, facts.join(" · ")),
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
-    look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
+    usable && look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
       h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
-    plots, channels, drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
-  drawChannels(channels, recording, () => drawStrips(plots, recording));
-  if (!shown) drawStrips(plots, recording);
+    ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
+  if (!look.channels.length) return;
+  drawChannels(channels, recording, () => drawStrips(plots, recording, () => drawDetails(details)));
+  if (!shown) drawStrips(plots, recording, () => drawDetails(details));
 }
 
 function endStrips() {
@@ -174,12 +179,14 @@ async function forget(recording) {
   await send("DELETE", `/api/recordings/${recording.id}`);
 }
 
-/** The channels that are plotted: those that the map names, unless they were ticked or unticked. */
+/** The channels that are plotted, unless they were ticked or unticked: those that the map names, and the candidates of a duty cycle that it lacks. */
 function selection(recording) {
   const several = recording.look.grids.length > 1;
   const [draft, every, ticked] = [draftOf(recording), channelsOf(recording), plotted.get(recording.id)];
-  const named = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
-  const usual = new Set(named.length ? named : every.slice(1, 4));
+  const mapped = every.filter((channel) => !["", "time"].includes(quantityOf(draft, channel, several)));
+  const lacking = ["duty_supply", "duty_exhaust"].some((name) => !draft[name]);
+  const candidates = lacking ? every.filter((channel) => channel.si === "1" && channel.high > channel.low && !mapped.includes(channel)) : [];
+  const usual = new Set(mapped.length ? [...mapped, ...candidates.slice(0, MOST_CANDIDATES)] : every.slice(1, 4));
   return new Set(every.filter((channel) => ticked?.get(channel.key) ?? usual.has(channel)).map((channel) => channel.key));
 }
 
@@ -188,7 +195,7 @@ function tick(recording, key, wanted) {
   plotted.get(recording.id).set(key, wanted);
 }
 
-function drawStrips(holder, recording) {
+function drawStrips(holder, recording, refused) {
   endStrips();
   const { look } = recording;
   const several = look.grids.length > 1;
@@ -211,7 +218,7 @@ function drawStrips(holder, recording) {
   const span = [Math.min(...spans.map((one) => one[0])), Math.max(...spans.map((one) => one[1]))];
   if (!(span[1] > span[0])) span[1] = span[0] + 1;
   [holderOfShown, keyOfShown] = [holder, stripsKey(recording)];
-  shown = strips(holder, { panels: [...panels.values()], span, read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
+  shown = strips(holder, { panels: [...panels.values()], span, cut: !unchecked(recording) && ((range) => cut(recording, { span: range }, refused)), read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
 }
 
 function drawChannels(holder, recording, replot) {
@@ -233,7 +240,7 @@ function drawChannels(holder, recording, replot) {
     return h("tr", {},
       h("td", {}, h("input", { type: "checkbox", id: `plot-${index}`, checked: drawn.has(channel.key), "aria-label": `Plot ${channel.heading}`,
         onchange: (event) => { tick(recording, channel.key, event.target.checked); replot(); } })),
-      h("th", { scope: "row", class: "channel" }, channel.heading, several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
+      h("th", { scope: "row", class: "channel" }, named(channel.heading), several && channel.group && h("span", { class: "hint" }, ` ${channel.group}`)),
       h("td", {}, h("select", { id: `quantity-${index}`, "aria-label": `Quantity of ${channel.heading}`, onchange: (event) => {
         if (quantity) delete draft[quantity];
         const name = event.target.value;
@@ -252,7 +259,7 @@ function drawChannels(holder, recording, replot) {
       h("td", { class: "number" }, channel.missing ? channel.missing.toLocaleString("en") : "0"));
   });
   const absent = Object.entries(draft).filter(([, entry]) => !every.some((channel) => channel.heading === entry.channel)).map(([name, entry]) => h("tr", { class: "absent" }, h("td", {}),
-    h("th", { scope: "row", class: "channel" }, entry.channel, h("span", { class: "hint" }, " not in this recording")), h("td", {}, name),
+    h("th", { scope: "row", class: "channel" }, named(entry.channel), h("span", { class: "hint" }, " not in this recording")), h("td", {}, name),
     h("td", { colSpan: 7 }, h("button", { type: "button", class: "plain", "aria-label": `Remove ${name} from the map`, onclick: () => { delete draft[name]; redraw(); } }, "Remove from the map"))));
   const changed = isEdited(recording);
   const ambient = h("input", { id: "ambient", class: "w7", value: recording.ambient, placeholder: "1.013bar" });
@@ -265,16 +272,20 @@ function drawChannels(holder, recording, replot) {
   };
   const apply = () => put({ channels: draft }, () => Object.assign(drafts.get(recording.id) ?? {}, { given: JSON.stringify(draft) }));
   const use = async (text) => put({ toml: await text }, () => drafts.delete(recording.id));
-  const mapped = all("recording").filter((other) => other.map && other.id !== recording.id);
+  const calibrated = all("result").filter((result) => result.map && result.found?.is_calibration);
+  const mapped = [...all("recording").filter((other) => other.map && other.id !== recording.id), ...calibrated];
+  const useOf = async (id) => use((await fetch(`/api/${id.split("-")[0]}s/${id}/map.toml`)).text());
+  const usual = recording.map ? null : calibrated.at(-1);
   const others = look.grids.flatMap((grid) => grid.without_numbers);
   fill(holder, h("h3", {}, "Channels"),
     h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
       oninput: (event) => { searches.set(recording.id, event.target.value); const at = event.target.selectionStart; drawChannels(holder, recording, replot); document.getElementById("search").setSelectionRange(at, at); } }),
     h("label", { for: "ambient" }, "Ambient pressure"), ambient,
-    h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
+    (changed || readable(recording)) && h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
     h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: ({ target }) => target.files.length && use(target.files[0].text()) })),
-    mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording", onchange: async ({ target }) => use((await fetch(`/api/recordings/${target.value}/map.toml`)).text()) },
+    usual && h("button", { type: "button", id: "map-of-calibration", class: "plain", onclick: () => useOf(usual.id) }, `Use the map of ${usual.name}`),
+    mapped.length > 0 && h("select", { id: "map-of", "aria-label": "Use the map of another recording or of a calibration", onchange: ({ target }) => useOf(target.value) },
       h("option", { value: "" }, "Use the map of …"), mapped.map((other) => h("option", { value: other.id }, other.name))),
     recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
     notice(messages.get(recording.id)),
@@ -294,12 +305,19 @@ function drawChecks(recording) {
       place && check.grade !== "good" && h("button", { type: "button", class: "plain", onclick: () => shown?.mark(check.begin_s, check.end_s) }, "Show the place")));
   });
   return h("section", { "aria-label": "Checks" }, h("h3", {}, "Checks before a fit"),
-    rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.status === "bad_input" ? "" : look.message, "care"),
+    rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.message, "care"),
     look.warnings.length ? h("ul", { class: "notes" }, look.warnings.map((text) => h("li", {}, text))) : null,
     look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
 
-const picked = new Map();
+/** Make a recording of the chosen strokes, or of a range of time, and show it. */
+async function cut(recording, which, redraw) {
+  try {
+    const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, which);
+    messages.delete(recording.id);
+    chosen = id;
+  } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
+}
 
 function drawStrokes(recording, redraw) {
   const { strokes = [] } = recording.look;
@@ -307,14 +325,7 @@ function drawStrokes(recording, redraw) {
   if (!only.length) return null;
   if (!picked.has(recording.id)) picked.set(recording.id, new Set());
   const these = picked.get(recording.id);
-  const cut = async () => {
-    try {
-      const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, { begins: [...these] });
-      messages.delete(recording.id);
-      chosen = id;
-    } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
-  };
-  const button = h("button", { type: "button", disabled: !these.size, onclick: cut }, "Cut out the chosen strokes");
+  const button = h("button", { type: "button", disabled: !these.size, onclick: () => cut(recording, { begins: [...these] }, redraw) }, "Cut out the chosen strokes");
   return h("section", { "aria-label": "Strokes" }, h("details", {}, h("summary", {}, h("h3", {}, plural(only.length, "stroke"))),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
       h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,

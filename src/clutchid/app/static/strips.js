@@ -3,13 +3,15 @@ import uPlot from "./vendor/uPlot.esm.js";
 import { colour, h, marked, notice, short } from "./page.js";
 
 const HEIGHT = 170;
+/** Lines of the ends of a band, which may be wide where nothing is known yet, and of what is computed, under what was measured. */
+export const [EDGE, UNDER] = [{ dash: [4, 4], width: 0.75, edge: true }, { width: 5 }];
 let keys = 0;
 
 /**
  * Strips in `holder`. `panels` are {title, unit, series: [{label, colour, grid, column, value, delay, width, dash}]}, where `value`
- * turns a number as written into the one shown; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
+ * turns a number as written into the one shown; `cut([from, to])` takes the shown range; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
  */
-export function strips(holder, { panels, read, span, marks = [] }) {
+export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
   const key = `strips-${keys++}`;
   const plots = [];
   let [begin, end] = span;
@@ -27,6 +29,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
     button("−", "Zoom out", () => zoom(2)), button("◀", "Earlier", () => move(-0.5)), button("▶", "Later", () => move(0.5)),
     button("A", "A: set this cursor in the middle", () => set("a", (begin + end) / 2)),
     button("B", "B: set this cursor in the middle", () => set("b", (begin + end) / 2)),
+    cut && button("Cut out this range", "Cut out the shown range of time as a recording of its own, to fit that alone", () => cut([begin, end])),
     h("span", { class: "hint" }, "Drag to zoom, double-click for all; click sets A, Shift+click B."));
   holder.replaceChildren(tools, area, readout, error);
 
@@ -174,7 +177,7 @@ export function strips(holder, { panels, read, span, marks = [] }) {
         full.set(plot, data);
         plot.setData(played(data), false);
         plot.setScale("x", { min: begin, max: end });
-        rescale(plot);
+        rescale(plot, panel);
       }
       area.dataset.shown = `${begin} ${end}`;
       write();
@@ -186,15 +189,19 @@ export function strips(holder, { panels, read, span, marks = [] }) {
   const full = new Map();
   const played = (data) => (until === Infinity ? data : data.map((values, i) => (i === 0 ? values : values.map((value, k) => (data[0][k] <= until ? value : null)))));
 
-  /** The range of what is shown, with a margin. */
-  function rescale(plot) {
+  /** The range of what is shown, with a margin; the ends of a band add half of it at most. */
+  function rescale(plot, { series }) {
     let [low, high] = [Infinity, -Infinity];
     const [time, ...columns] = full.get(plot);
-    for (const values of columns) values.forEach((value, i) => {
-      if (value === null || value === undefined || time[i] < begin || time[i] > end) return;
-      low = Math.min(low, value);
-      high = Math.max(high, value);
-    });
+    const inside = (value, i) => value !== null && value !== undefined && time[i] >= begin && time[i] <= end;
+    for (const band of [false, true]) {
+      const [least, most] = band ? [low - 0.5 * (high - low), high + 0.5 * (high - low)] : [-Infinity, Infinity];
+      columns.filter((_, k) => Boolean(series[k].edge) === band).forEach((values) => values.forEach((value, i) => {
+        if (!inside(value, i)) return;
+        low = Math.max(Math.min(low, value), least);
+        high = Math.min(Math.max(high, value), most);
+      }));
+    }
     if (low > high) return;
     const edge = 0.06 * (high - low || Math.abs(high) || 1);
     plot.setScale("y", { min: low - edge, max: high + edge });

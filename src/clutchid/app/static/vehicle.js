@@ -1,10 +1,11 @@
 // The stage "Vehicle and fleet": the vehicles of a fleet, and of one its trend with alarms and forecast, and its loads.
-import { all, badge, drawBox, fill, h, item, notice, one, plural, send, sending, short, table } from "./page.js";
+import { all, badge, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, send, sending, short, table } from "./page.js";
 import { curves, trends } from "./curves.js";
 
 const PART = 100;             // vehicles that are shown at a time
 const states = new Map();     // of a fleet: filter, sort, part; of a vehicle: its loads that are overlaid, forecast
 let chosen = "";
+lasts("vehicle", { states, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let running = null;           // what draws and must be ended
 const box = { id: "tables-", of: "tables", title: "Drop results of track or fleet here", none: "No results here.", take,
   accepts: "FILE.parquet of clutchid track, with FILE.load.parquet; or of the folder of clutchid fleet",
@@ -18,7 +19,7 @@ export function vehicleStage(main) {
   let drawn = "";
   const draw = (these) => {
     if (these && ![...these].some((text) => text.startsWith("table"))) return;
-    if (!one("table", chosen) && !awaited()) chosen = all("table").at(-1)?.id ?? "";
+    if ((!chosen || gone.has(chosen)) && !awaited()) chosen = all("table").at(-1)?.id ?? "";
     drawList(list, draw);
     const table = one("table", chosen);
     const now = JSON.stringify([chosen, table?.status, table?.message, Boolean(table?.found)]);
@@ -79,7 +80,7 @@ function drawDetails(details, table, draw) {
     return;
   }
   const fleet = table.vehicle !== null && all("table").find((other) => other.path === table.path && other.vehicle === null && other.found?.kind === "fleet");
-  const head = h("div", { class: "head" }, h("h2", {}, kindOf(table) || `Fleet in ${table.folder}`), h("div", { class: "buttons" },
+  const head = h("div", { class: "head" }, h("h2", {}, named(kindOf(table) || `Fleet in ${table.folder}`)), h("div", { class: "buttons" },
     fleet && h("button", { type: "button", id: "to-fleet", class: "plain", onclick: () => open(fleet.id, draw) }, "◀ Back to the fleet"),
     h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/tables/${table.id}`) }, "Forget")));
   if (!table.found) { fill(details, head, table.message ? notice(table.message) : h("p", { class: "hint" }, "Reading …")); return; }
@@ -230,7 +231,7 @@ function drawVehicle(details, head, { id, found }) {
         recordings.map((row, i) => h("tr", { class: alarmed.has(i) ? "alarmed" : null },
           h("td", {}, known.has(row.recording) && h("input", { type: "checkbox", checked: state.shown.has(row.recording), "aria-label": `Plot the load of ${row.recording}`,
             onchange: (event) => { state.shown[event.target.checked ? "add" : "delete"](row.recording); plot?.end(); plot = drawLoads(); } })),
-          h("th", { scope: "row" }, row.recording), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
+          h("th", { scope: "row" }, named(row.recording)), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
       h("p", { class: "hint" }, `Load with its 95 % interval${alarmed.size ? "; a bar at the left marks the recording of an alarm" : ""}.`,
         found.load_count > loads.length ? ` Of ${found.load_count} loads ${loads.length} can be plotted, evenly over the life.` : loads.length ? "" : " No loads lie beside this file (FILE.load.parquet, or curves/ of a fleet), so that none is plotted."));
   }

@@ -199,6 +199,14 @@ class Proposal:
         """Whether nothing has to be decided, so that the file can be read with this map."""
         return not self.open
 
+    @property
+    def remedy(self) -> str:
+        """Request to add the channels that the map lacks, or else to confirm its guesses."""
+        names = (text.partition(":")[0] for text in self.open)
+        lacking = " and ".join(name for name in names if name not in self.channels.channels)
+        guessed = "units" if all("is guessed" in text for text in self.open) else "channels and units"
+        return f"Add {lacking}" if lacking else f"Confirm the guessed {guessed}"
+
 
 def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
     """Assign the channels of a file to quantities by names, units and ranges.
@@ -235,7 +243,14 @@ def propose(source: Source, required: Sequence[str] = REQUIRED) -> Proposal:
         remarks += [remark] if remark else []
         notes += _notes(best, [other for other in others if other.rank != best.rank])
     missing = [name for name in required if name not in channels and not (name == "time" and timed)]
-    remarks += [_missing(source, name, unused.get(name, []), channels) for name in missing]
+    for name in missing:
+        left = _left(source, name, channels)
+        sole = [QUANTITIES[other] for other in missing].count(QUANTITIES[name]) == 1 and not unused[name]
+        if sole and name in INPUTS and len(left) == 1 and left[0].unit and not is_set_point(left[0].text):
+            channels[name] = Channel(left[0].text)
+            remarks.append(f"{name}: '{left[0].text}' is proposed, the only channel left with a unit of it.")
+        else:
+            remarks.append(_missing(source, name, unused[name], left))
     return Proposal(ChannelMap(channels), tuple(remarks), tuple(notes))
 
 
@@ -344,7 +359,7 @@ def _notes(best: Candidate, others: Sequence[Candidate]) -> Iterator[str]:
         yield f"{own} is constant at {best.span.low:g}."
 
 
-def _missing(source: Source, name: str, named: Sequence[Candidate], channels: Mapping[str, Channel]) -> str:
+def _missing(source: Source, name: str, named: Sequence[Candidate], left: Sequence[Heading]) -> str:
     """Remark on a quantity without a channel, which only constant ones, set points or texts are called like."""
     if named:
         names = ", ".join(f"'{candidate.heading.text}' (always {candidate.span.low:g})" for candidate in named[:5])
@@ -359,10 +374,12 @@ def _missing(source: Source, name: str, named: Sequence[Candidate], channels: Ma
             return f"{name}: only a set point matches by name, '{heading.text}'; add the measured channel to the map."
     if name == "time":
         return "time: no channel name matches; add it to the map, or the rate of the samples in Hz as `rate`."
-    return f"{name}: no channel name matches; add it to the map ({_choice(source, name, channels)})."
+    shown = listed((f"'{heading.text}'" for heading in left), _LISTED)
+    choice = f"candidates: {shown}" if shown else "no channel has a suitable unit"
+    return f"{name}: no channel name matches; add it to the map ({choice})."
 
 
-def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
+def _left(source: Source, name: str, channels: Mapping[str, Channel]) -> list[Heading]:
     """Channels that a missing quantity may be: those with a unit of it, else those without a unit."""
     taken = {"", *(entry.channel for entry in channels.values())}
     free = [
@@ -371,9 +388,7 @@ def _choice(source: Source, name: str, channels: Mapping[str, Channel]) -> str:
         for heading in raster.headings
         if heading.text not in taken | dict(raster.others).keys()
     ]
-    chosen = [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
-    shown = listed((f"'{heading.text}'" for heading in chosen), _LISTED)
-    return f"candidates: {shown}" if shown else "no channel has a suitable unit"
+    return [heading for heading in free if is_unit_of(name, heading.unit)] or [h for h in free if h.unit is None]
 
 
 def _entry(source: Source, best: Candidate) -> Channel:

@@ -245,7 +245,7 @@ def motion(reading: InspectedRecording) -> Check:
             "be fractions, written under %; write the unit 1 in the column heading or in the channel map."
         )
         return Check(MOTION, value, "bad", sentence)
-    return Check(MOTION, value, "good", f"the piston moves over {value}.")
+    return Check(MOTION, f"for {length:.3g} s", "good", f"the piston moves over {value}.")
 
 
 def _is_constant(values: FloatArray) -> bool:

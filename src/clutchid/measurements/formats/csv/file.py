@@ -14,6 +14,7 @@ from clutchid.measurements.formats.csv.dialect import Dialect, dialect
 from clutchid.measurements.formats.csv.rows import TextReading
 from clutchid.measurements.formats.csv.text import ENCODINGS, TextFile, text_file
 from clutchid.measurements.source import BLOCK, EXAMPLE, Raster, Source, Table, refused, to_frame
+from clutchid.measurements.suffixes import binary_kind
 
 #: Bytes of a file that is read without polars where it is plain.
 _SMALL = 8e6
@@ -49,9 +50,9 @@ def open_file(path: Path) -> Source:
     >>> source.metadata["dialect"], table.headings[1].unit, table.numbers[1].tolist()
     ('UTF-8, semicolon, decimal comma, names on line 2, samples from line 3', 'mm', [0.25, 0.5])
     """
-    text = text_file(path)
+    text, kind = text_file(path), binary_kind(path.name)
     if text is None:
-        return refused(path, "CSV", _NOT_TEXT)
+        return refused(path, kind or "CSV", f"is no {kind} file, and no text; copy it again." if kind else _NOT_TEXT)
     lines = text.head(_HEAD, _HEAD_BYTES)
     wide = (n for n, line in enumerate(lines, 1) if len(line) > _WIDEST and max(map(line.count, ",;\t| ")) >= _WIDEST)
     if number := next(wide, 0):

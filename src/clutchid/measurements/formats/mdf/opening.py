@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _UNFINISHED = b"UnFinMF "
 _FLAGS = slice(60, 62)
 
+#: Bytes of the blocks ID and HD at the start of an MDF 4 file.
+_HEADER = 64 + 104
+
 #: The largest file that is finalised: asammdf loads it into memory meanwhile, in bytes.
 _MENDABLE = 1 << 30
 
@@ -44,7 +47,7 @@ def opened(path: Path) -> Iterator[MDF]:
         If the file cannot be read.
     """
     library = asammdf()
-    with contextlib.closing(_readable(path)) as stream, _explained():
+    with contextlib.closing(_readable(path)) as stream, _explained(path.stat().st_size):
         with quiet_asammdf():
             mdf = library.MDF(stream, process_bus_logging=False, use_display_names=False)
         with contextlib.closing(mdf):
@@ -128,14 +131,14 @@ def _check_end(mdf: Any, size: int) -> None:
 
 
 @contextlib.contextmanager
-def _explained() -> Iterator[None]:
+def _explained(size: int) -> Iterator[None]:
     """Errors on bytes that make no sense, as a sentence."""
     try:
         yield
     except Exception as error:
         if isinstance(error, BrokenMdf | MemoryError) or _is_the_disk(error):
             raise
-        raise BrokenMdf(_reason(error)) from error
+        raise BrokenMdf(_reason(error, size)) from error
 
 
 def _is_the_disk(error: Exception) -> bool:
@@ -143,10 +146,12 @@ def _is_the_disk(error: Exception) -> bool:
     return isinstance(error, OSError) and error.errno != errno.EINVAL
 
 
-def _reason(error: Exception) -> str:
+def _reason(error: Exception, size: int) -> str:
+    if size < _HEADER:
+        return f"is an MDF file that ends within its header, after {size} bytes; copy it again."
     if "Incomplete block" in str(error):
         return "is cut off: a block ends behind the end of the file; copy it again."
     return (
-        "is no complete MDF file: its header or a block is cut off, damaged, or of a kind that asammdf does not read; "
-        "copy it again or convert it to MDF 4.10."
+        "is no complete MDF file: a block is cut off, damaged, or of a kind that asammdf does not read; copy it again "
+        "or convert it to MDF 4.10."
     )
