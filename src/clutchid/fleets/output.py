@@ -62,7 +62,7 @@ def _merged(jobs: Iterable[RecordingJob], stored: Iterator[RecordingRow]) -> Ite
         while row is not None and key(row.job) < key(job):
             row = next(stored, None)
         if job.problem:
-            yield RecordingRow(job, WearReading("bad_input", job.problem))
+            yield RecordingRow(job, WearReading("bad_input", job.problem, apart=True))
         elif row is not None and key(row.job) == key(job):
             yield row._replace(job=job)
         else:
@@ -126,7 +126,7 @@ def _result(row: RecordingRow) -> Mapping[str, object]:
     shift, load = (measured[0:2], measured[2:4]) if measured else (nothing, nothing)
     return {
         "recording": row.job.recording, "vehicle": row.job.vehicle, "type": row.job.type,
-        "status": reading.status, "message": reading.message, "trust": reading.trust,
+        "is_recording": not reading.apart, "status": reading.status, "message": reading.message, "trust": reading.trust,
         "peak_N": peak[0], "peak_low_N": peak[1], "peak_high_N": peak[2],
         "half_load_mm": half[0], "half_load_low_mm": half[1], "half_load_high_mm": half[2],
         "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
@@ -257,8 +257,8 @@ def _row(wear: Wear, page: str) -> VehicleRow:
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
     last = next((job.begin for job in reversed(wear.dated) if job.begin), None)
     return VehicleRow(
-        wear.vehicle, wear.dated[0].type, len(wear.dated), counted,
-        Counter(reading.status for reading in wear.readings), last,
+        wear.vehicle, wear.rows[0].job.type, wear.recordings, counted,
+        Counter(row.reading.status for row in wear.rows if not row.reading.apart), last,
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
@@ -283,10 +283,10 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
 
 def _add_reasons(wear: Wear, reasons: dict[tuple[str, str], list[str]]) -> None:
     """Count reasons why recordings do not count, without names and numbers of single recordings."""
-    for job, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
-        if reason:
-            sentence = _PARTICULAR.sub("…", reason.splitlines()[0])
-            reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(job.recording)
+    for row in wear.rows:
+        if row.reason:
+            sentence = _PARTICULAR.sub("…", row.reason.splitlines()[0])
+            reasons.setdefault((row.reading.status, sentence[:_LONGEST]), []).append(row.job.recording)
 
 
 def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:
