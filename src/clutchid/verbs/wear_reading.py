@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import comparison, half_load_band, measured
-from clutchid.estimation.assess.reasons import departs
+from clutchid.estimation.assess.reasons import departs, reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.files import digest
@@ -114,8 +114,9 @@ def _fitted(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
     judged, compared = verdict(fit), comparison(fit)
     half, trust = compared.half_now if compared else NO_HALF_LOAD, judged.trust
     message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
-    status = "warning" if fit.warnings or trust != "good" else "ok"
-    # a load that is only uncertain counts in the trend by its band
+    # a load that is only uncertain counts in the trend by its band, which is no reason to warn
+    doubtful = any(reason.grave or not reason.banded for reason in reasons(fit))
+    status = "warning" if fit.warnings or doubtful else "ok"
     reason = unmeasured(fit)
     measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
