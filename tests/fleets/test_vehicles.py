@@ -26,7 +26,7 @@ def written(out, fleet, read):
         for job in fleet.jobs:
             stored.put(RecordingRow(job, read(job), 0.0))
         write_results(fleet, stored, out)
-        write_vehicles(vehicles_of(fleet, stored, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
+        write_vehicles(vehicles_of(fleet, stored, lambda _: LifeLimits()), "clutchid fleet", out, trends=True)
     rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
     return rows, [path.name for path in (out / "vehicles").iterdir()]
 

@@ -7,7 +7,7 @@ import json
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby, islice, tee
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -107,9 +107,8 @@ def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
-    write_frame(
-        pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None), out / RESULTS
-    )
+    table = pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None)
+    write_frame(table.fill_nan(None), out / RESULTS)
     write_frame(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / _TIMINGS)
     return statuses
 
@@ -158,17 +157,17 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) -> Iterator[Wear]:
+def vehicles_of(fleet: Fleet, store: Store, limits: Callable[[RecordingJob], LifeLimits]) -> Iterator[Wear]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
     ----------
     limits
-        What ends a life, by type.
+        What ends the life of the vehicle of a recording.
     """
     for rows in _by_vehicle(recording_rows(fleet, store)):
         jobs, job = [row.job for row in rows], rows[0].job
-        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits[job.type])
+        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits(job))
 
 
 def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
@@ -200,12 +199,9 @@ def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends:
         _add_reasons(wear, reasons)
     if trends:
         write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
-        write_frame(
-            pl.DataFrame(
-                [_listed(row) for row in rows], schema_overrides=dict.fromkeys(("alarms", "warnings"), pl.String)
-            ),
-            out / VEHICLES,
-        )
+        text = dict.fromkeys(("alarms", "warnings"), pl.String)
+        table = pl.DataFrame([_listed(row) for row in rows], schema_overrides=text)
+        write_frame(table.fill_nan(None), out / VEHICLES)
         with atomic_write(out / _PAGES / _MADE) as temporary:
             temporary.write_text(json.dumps(made), encoding="utf-8")
     write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / _INDEX)

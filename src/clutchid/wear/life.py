@@ -190,7 +190,7 @@ class Wear:
 
     @property
     def recordings(self) -> int:
-        """Number of recordings of the vehicle, also those that could not be read; what is none is not counted."""
+        """Number of recordings of the vehicle, with those that could not be read, without copies and other files."""
         return len(self.dated) + sum(not reading.apart for _, reading in self.apart)
 
     @property
