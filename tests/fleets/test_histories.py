@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 import clutchid
-from clutchid.errors import ParameterError
+from clutchid.errors import DataError, ParameterError
 from clutchid.log import Log
 from clutchid.verbs import wear_reading
 from clutchid.verbs.tracking import write_tracked
@@ -101,3 +101,89 @@ def test_a_table_of_wear_of_a_vehicle_its_type_or_beside_the_one_calibration_is_
         run = run_of(fleet, verb="track", start=fleet / start)
         assert set(pl.read_parquet(fleet / "out" / "wear.parquet")["limit [m]"]) == {end}
     assert run.warnings == ("T9.wear.csv: no vehicle and no type has that name, so that it is not used.",)
+
+
+def away(paths, how):
+    """Move the files of a vehicle away, as retention, a cold tier or a share that is down do."""
+    for path in paths:
+        path.rename(path.parents[2] / path.name)
+        if how == "links":
+            path.symlink_to(path.parents[2] / "share" / path.name)
+        if how == "stubs":
+            path.write_bytes(b"moved to the archive")
+    folder = paths[0].parent
+    if how in ("folder", "source") and not any(folder.iterdir()):
+        folder.rmdir()
+        if how == "source":
+            folder.parent.rmdir()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [3, COUNT])
+@pytest.mark.parametrize("how", ["files", "folder", "source", "links", "stubs"])
+def test_readings_are_kept_when_their_files_move_away_and_no_file_is_read_again(fleet, how, count):
+    run_of(fleet, verb="track", limit=1e-4)
+    tables = [fleet / "out" / name for name in ("wear.parquet", "vehicles.parquet", "curves/part-00000.parquet")]
+    before, folder = [table.read_bytes() for table in tables], fleet / "fleet" / "V1"
+    paths = sorted(folder.iterdir())[:count]
+    away(paths, how)
+    run = run_of(fleet, verb="track", limit=1e-4)
+    assert (run.statuses, run.failure, [table.read_bytes() for table in tables]) == ({"ok": COUNT}, "", before)
+    assert pl.read_parquet(fleet / "out" / "results.parquet")["file_gone"].sum() == count
+    assert f"{count} of {COUNT} recordings: the file is gone, and the reading is kept" in run.warnings[0]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in paths:
+        path.unlink(missing_ok=True)
+        (fleet / path.name).rename(folder / f"again_{path.name}")
+    run = run_of(fleet, verb="track", limit=1e-4)
+    assert (run.read, run.statuses, run.warnings) == (0, {"ok": COUNT}, ()), "they have come back under other names"
+    results = pl.read_parquet(fleet / "out" / "results.parquet")
+    assert sum(name.startswith("again_") for name in results["recording"]) == count
+    assert not results["file_gone"].any()
+
+
+@pytest.mark.slow
+def test_missing_recordings_are_forgotten_on_request_but_not_all_of_them(fleet):
+    run_of(fleet, verb="track")
+    paths = sorted((fleet / "fleet" / "V1").iterdir())
+    away(paths[:3], "files")
+    run = run_of(fleet, verb="track", forget_missing=True)
+    assert (run.statuses, run.warnings) == ({"ok": COUNT - 3}, ())
+    away(paths[3:], "files")
+    with pytest.raises(DataError, match="has no recordings"):
+        run_of(fleet, verb="track", forget_missing=True)
+    assert run_of(fleet, verb="track").statuses == {"ok": COUNT - 3}
+
+
+@pytest.mark.slow
+def test_a_recording_that_moves_to_another_vehicle_or_is_copied_is_not_read_again(fleet):
+    run_of(fleet, verb="track")
+    paths = sorted((fleet / "fleet" / "V1").iterdir())
+    (fleet / "fleet" / "V2").mkdir()
+    paths[0].rename(fleet / "fleet" / "V2" / "other.parquet")
+    (fleet / "fleet" / "V1" / "copy.parquet").write_bytes(paths[1].read_bytes())
+    run = run_of(fleet, verb="track")
+    assert run.read == 0
+    rows = pl.read_parquet(fleet / "out" / "results.parquet").select("vehicle", "recording", "status").rows()
+    assert ("V2", "other", "ok") in rows
+    assert len(rows) == COUNT + 1
+    assert [row for row in rows if row[2] == "warning"] == [("V1", "run_1", "warning")], "which is one recording"
+
+
+@pytest.mark.slow
+def test_the_place_in_a_table_that_is_gone_is_known_and_another_calibration_ends_the_comparison(fleet):
+    folder = fleet / "fleet"
+    rows = [f"run_{k},V1,T1,{1000 * k}" for k in range(COUNT)]
+    (folder / "recordings.csv").write_text("\n".join(["recording,vehicle,type,strokes", *rows]) + "\n")
+    run_of(fleet, verb="track")
+    before = (fleet / "out" / "wear.parquet").read_bytes()
+    (folder / "recordings.csv").unlink()
+    away(sorted((folder / "V1").iterdir()), "source")
+    assert run_of(fleet, verb="track").statuses == {"ok": COUNT}
+    assert (fleet / "out" / "wear.parquet").read_bytes() == before
+    assert set(pl.read_parquet(fleet / "out" / "wear.parquet")["axis"]) == {"strokes"}
+    (fleet / "cal.toml").write_text("[parameters]\nM = 9.0\n")
+    run = run_of(fleet, verb="track")
+    assert run.statuses == {"warning": COUNT}
+    assert run.failure.startswith("1 vehicle has no reading (V1)")
+    assert "was read from another calibration" in pl.read_parquet(fleet / "out" / "results.parquet")["reason"][0]

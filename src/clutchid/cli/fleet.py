@@ -79,6 +79,7 @@ def fleet(
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
     fail_share: Annotated[float, FLEET] = 0.2,
+    forget_missing: Annotated[Flag, FLEET] = False,
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -108,6 +109,8 @@ def fleet(
     fail_share
         Share of the recordings that may have no result. If there are more, or a vehicle has no reading at all, the
         exit code is 1.
+    forget_missing
+        Leave out recordings whose files are gone; else their readings are kept, and counted.
     json
         Print one JSON object on standard output.
     debug
@@ -119,6 +122,7 @@ def fleet(
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry, fail_share=fail_share,
+            forget_missing=forget_missing,
             ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip

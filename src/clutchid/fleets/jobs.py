@@ -16,7 +16,7 @@ from typing import NamedTuple
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.store import RecordingRow, Store
+from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.processes import Pool
@@ -42,6 +42,10 @@ class Fleet(NamedTuple):
     renamed: str = ""
 
 
+class NoRecordingsError(DataError):
+    """A fleet without the file of a single recording."""
+
+
 def fleet_of(source: Path, start: Path) -> Fleet:
     """The recordings of a fleet, each with the calibration that it starts from.
 
@@ -55,14 +59,16 @@ def fleet_of(source: Path, start: Path) -> Fleet:
 
     Raises
     ------
+    NoRecordingsError
+        If there is no recording.
     DataError
-        If there is no recording, or the table contradicts itself.
+        If the table contradicts itself.
     ParameterError
         If no recording has a calibration.
     """
     not_an_address(source)
     if not is_there(source):
-        raise DataError(f"{source}: there is no such folder or table.")
+        raise NoRecordingsError(f"{source}: there is no such folder or table.")
     table = source if source.is_file() else source / _TABLE
     if table.is_file():
         rows = read_fleet_table(table).values()
@@ -75,11 +81,11 @@ def fleet_of(source: Path, start: Path) -> Fleet:
         located, renamed = _in_folders(source, content.recordings)
         beside = left_out(content.others, content.results)
     if not located:
-        raise DataError(no_recordings(str(source), beside))
+        raise NoRecordingsError(no_recordings(str(source), beside))
     if all(job.path is None for job in located):
-        raise DataError(f"{source}: none of the files of its {len(located):,} recordings exists.")
+        raise NoRecordingsError(f"{source}: none of the files of its {len(located):,} recordings exists.")
     calibrations = _calibrations(start)
-    located.sort(key=lambda job: (job.vehicle, job.recording))
+    located.sort(key=_key)
     jobs = tuple(_with_calibration(job, start, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
@@ -167,27 +173,65 @@ def _with_calibration(job: RecordingJob, start: Path, calibrations: Mapping[str,
 _LOST = ("killed", "timed_out")
 
 
+#: A recording without a result.
+_NONE = StoredKey(RecordingJob(""), "", "")
+
+
 def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: bool = False) -> list[RecordingJob]:
     """The recordings without a result, or whose file, calibration or clutchid has changed since.
 
-    With `retry` also those that ended their worker or took too long.
+    With `retry` also those that ended their worker or took too long. What identifies a reading is the SHA-256 of the
+    file with the inputs: the same file under another name has the reading already, and takes it over from a name whose
+    file is gone.
     """
     stored, inputs = store.keys(), _inputs(fleet, reading, verb)
-    todo = []
+    there = {_key(job): stamp for job in fleet.jobs if job.path and (stamp := stamp_of(job.path))}
+    by_checksum = {entry.checksum: key for key, entry in stored.items() if entry.has_result}
+    sizes = {entry.job.file.partition(" ")[0] for entry in stored.values() if entry.has_result}
+    todo: list[RecordingJob] = []
+    same: list[tuple[tuple[str, str], RecordingJob]] = []
+    moved: set[tuple[str, str]] = set()
     for job in fleet.jobs:
         if job.path is None or job.start is None:
             continue
-        key, task = (job.vehicle, job.recording), replace(job, inputs=inputs[job.start], file=_file(job.path))
-        known_inputs, known_file, checksum, status = stored.get(key, ("", "", "", ""))
-        unread = task.file and not checksum  # as where a share was away for a while
-        if known_inputs != task.inputs or unread or (retry and status in _LOST):
+        key, stamp = _key(job), there.get(_key(job), "")
+        task, entry = replace(job, inputs=inputs[job.start], file=stamp), stored.get(key, _NONE)
+        if not stamp and entry.has_result:
+            continue
+        changed = entry.job.file != stamp
+        unread = stamp and not entry.checksum  # as where a share was away for a while
+        as_before = entry.job.inputs == task.inputs and not unread and not (retry and entry.status in _LOST)
+        if as_before and not (changed and checksum_of(job.path) != entry.checksum):
+            if changed or place_of(entry.job) != place_of(task):
+                same.append((key, task))
+            continue
+        source = by_checksum.get(checksum_of(job.path)) if changed and stamp.partition(" ")[0] in sizes else None
+        if source and source != key and source not in there:
+            moved.add(source)
+        if source and source != key and stored[source].job.inputs == task.inputs:
+            same.append((source, task))
+        else:
             todo.append(task)
-        elif known_file != task.file:
-            if checksum_of(job.path) == checksum:
-                store.same_file(key, task.file)
-            else:
-                todo.append(task)
+    store.rename(same)
+    store.forget(moved - {_key(task) for _, task in same})
     return todo
+
+
+def with_missing(fleet: Fleet, start: Path, store: Store, *, forget: bool) -> Fleet:
+    """A fleet with the stored recordings whose files are gone; with `forget` they are deleted from the store."""
+    stored = {key: entry for key, entry in store.keys().items() if entry.has_result}
+    listed = {_key(job): job for job in fleet.jobs}
+    if forget:
+        gone = {key for key in stored if not (key in listed and (path := listed[key].path) and stamp_of(path))}
+        store.forget(gone)
+        return fleet
+    calibrations = _calibrations(start)
+    missing = (_with_calibration(entry.job, start, calibrations) for key, entry in stored.items() if key not in listed)
+    return fleet._replace(jobs=tuple(sorted((*fleet.jobs, *missing), key=_key)))
+
+
+def _key(job: RecordingJob) -> tuple[str, str]:
+    return job.vehicle, job.recording
 
 
 def read_all(
@@ -213,10 +257,14 @@ def read_all(
     MissingExtra, ParameterError, SolveError
         If the workers of a scheduler cannot be used, see `clutchid.fleets.cluster.results`.
     """
-    last, count = monotonic(), 0
+    last, count, stored = monotonic(), 0, store.keys()
     try:
         for finished in results(read, todo, workers):
-            store.put(RecordingRow(finished.item, unless_lost(finished.item, finished.result), finished.seconds))
+            job, reading = finished.item, unless_lost(finished.item, finished.result)
+            entry = stored.get(_key(job), _NONE)
+            # a stub, or a file that went meanwhile, takes no reading of what it was
+            if not (reading.apart and entry.has_result and reading.sha256 != entry.checksum):
+                store.put(RecordingRow(job, reading, finished.timing))
             last, count = store.saved(last), count + 1
             progress(count, len(todo))
     finally:
@@ -250,7 +298,7 @@ def _inputs(fleet: Fleet, reading: Reading, verb: str) -> Mapping[Path, str]:
     return {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
 
 
-def _file(path: Path) -> str:
+def stamp_of(path: Path) -> str:
     """Size and time of a file, to detect changes without reading it; empty if it does not exist."""
     try:
         status = path.stat()

@@ -13,11 +13,22 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import COMPILATION, by_own_name, compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import (
+    COMPILATION,
+    Fleet,
+    NoRecordingsError,
+    by_own_name,
+    compile_first,
+    fleet_of,
+    read_all,
+    tasks,
+    with_missing,
+)
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
+from clutchid.verbs.folders import STORE
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import read_recording
@@ -72,6 +83,7 @@ def fleet(
     limit: float | None = None,
     retry: bool = False,
     fail_share: float = 0.2,
+    forget_missing: bool = False,
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -99,6 +111,8 @@ def fleet(
     fail_share : 1
         Share of the recordings that may have no result, from 0 to 1; the run has failed if there are more, or if a
         vehicle has no reading at all.
+    forget_missing : bool
+        Leave out recordings whose files are gone; else their readings are kept.
     ambient : Pa, optional
         Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
@@ -138,7 +152,7 @@ def fleet(
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
     folder, calibrations, origin = Path(out), Path(start), Path(source)
-    listed = fleet_of(origin, calibrations)
+    listed, absent = _listed(origin, calibrations, folder, forget=forget_missing)
     if calibrations.is_file():
         content_of(calibrations)  # a broken one is one sentence, not one a recording
     tables = _wear_tables(calibrations)
@@ -146,16 +160,19 @@ def fleet(
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
         todo = tasks(listed, reading, how, base, retry=retry)
+        listed = with_missing(listed, calibrations, base, forget=forget_missing)
+        if not listed.jobs:
+            raise NoRecordingsError(absent)
         if todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
                 compile_first(how, {job.start for job in todo if job.start})
             read_all(place, partial(read_recording, reading, how), todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
-        statuses = write_results(listed, base, folder, trends=trends)
+        statuses, gone = write_results(listed, base, folder, trends=trends)
         vehicles = vehicles_of(listed, base, lambda job: LifeLimits(limit, tables.of(job)))
         rows = write_vehicles(vehicles, command, folder, trends=trends)
-    times = _time_warnings(rows) if trends else ""
-    warnings = [listed.left_out, listed.renamed, tables.unused(rows), times]
+    times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
+    warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     failure = _failure(rows, fail_share, trends=trends)
     return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)), failure)
 
@@ -170,6 +187,22 @@ def _time_warnings(rows: Sequence[VehicleRow]) -> str:
         f"times of recordings of {count:,} vehicle{'s' if count > 1 else ''} are missing or contradict: column "
         f"`warnings` of {VEHICLES} and {RESULTS}; {first.name}: {first.warnings[0]}"
     )
+
+
+def _listed(source: Path, start: Path, out: Path, *, forget: bool) -> tuple[Fleet, str]:
+    """The recordings of a fleet; of one whose files are all gone none, if it has been read, and why in a sentence."""
+    try:
+        return fleet_of(source, start), ""
+    except NoRecordingsError as error:
+        if forget or not (out / STORE).exists():
+            raise
+        return Fleet(()), str(error)
+
+
+def _missing_files(gone: int, recordings: int, absent: str) -> str:
+    """Warning of readings whose files are gone, `absent` being why all of them are; empty if there are none."""
+    words = f"{gone:,} of {recordings:,} recordings: the file is gone, and the reading is kept (column `file_gone`)"
+    return f"{f'{absent} ' if absent else ''}{words}; --forget-missing leaves them out." if gone else ""
 
 
 def _failure(rows: Sequence[VehicleRow], share: float, *, trends: bool) -> str:
