@@ -95,7 +95,7 @@ def fleet_outcome(out: Path) -> Outcome:
     """Weights from the load curves of a fleet, which are their combination of known functions."""
     if not (out / "results.parquet").exists():
         return Outcome({}, {}, 0.0)
-    results, seconds = pl.read_parquet(out / "results.parquet"), pl.read_parquet(out / "timings.parquet")["seconds"]
+    results, seconds = pl.read_parquet(out / "results.parquet"), pl.read_parquet(out / "timings.parquet")["wall_s"]
     failures = {
         row["recording"]: row["message"]
         for row in results.iter_rows(named=True)

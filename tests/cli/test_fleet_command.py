@@ -19,6 +19,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 #: Wear in mm of the recordings of the first vehicle.
 WEAR = (0.4, 1.2, 2.0)
 
+#: Why a run over these recordings fails.
+NO_READING = "2 vehicles have no reading (V2, V3): column `message` of results.parquet says why."
+
 #: Files whose bytes are those of the results.
 RESULTS = ("results.parquet", "curves/part-00000.parquet", "wear.parquet", "vehicles.parquet")
 
@@ -64,7 +67,7 @@ def content(out):
 def tracked(folder):
     out = folder / "one"
     with without_workers(), blank_figures():
-        assert run(folder, out, "--verb", "track", "--limit", "0.2") == 0
+        assert run(folder, out, "--verb", "track", "--limit", "0.2") == 1, "two vehicles have no reading"
     return out
 
 
@@ -72,7 +75,7 @@ def tracked(folder):
 def observed(folder):
     out = folder / "observed"
     with without_workers():
-        assert run(folder, out, "--verb", "observe") == 0
+        assert run(folder, out, "--verb", "observe") == 1
     return out
 
 
@@ -91,18 +94,23 @@ def test_every_recording_is_a_row_with_a_status_and_a_sentence(tracked):
         "r0": False, "r0_again": True, "r1": False, "r2": False, "cut": True, "gone": True, "other": True,
     }  # fmt: skip
     worn = pl.read_parquet(tracked / "wear.parquet")
-    assert worn["reason"].to_list() == rows["reason"].to_list()
+    assert dict(worn.select("recording", "reason").rows()) == dict(rows.select("recording", "reason").rows())
+    assert worn["along"].to_list()[:3] == [0.0, 200000.0, 400000.0]
+    for frame in (rows, worn, pl.read_parquet(tracked / "vehicles.parquet")):
+        assert not any(column.is_nan().any() for column in frame.select(pl.col(pl.Float64)))
     for k in range(len(WEAR)):
         row = by_name[f"r{k}"]
+        assert row["status"] == "ok" or "standard deviation of the load" not in row["message"]
         assert row["peak_low_N"] < row["peak_N"] < row["peak_high_N"]
         assert row["half_load_low_mm"] < row["half_load_mm"] < row["half_load_high_mm"]
         assert len(row["sha256"]) == 64
     vehicles = {row["vehicle"]: row for row in pl.read_parquet(tracked / "vehicles.parquet").iter_rows(named=True)}
-    assert (vehicles["V1"]["recordings"], vehicles["V1"]["counted"]) == (4, 3)
+    assert (vehicles["V1"]["recordings"], vehicles["V1"]["counted"]) == (3, 3)
     assert (vehicles["V2"]["counted"], vehicles["V3"]["counted"]) == (0, 0)
     curves = pl.read_parquet(tracked / "curves")
     assert set(curves["recording"]) == {"r0", "r0_again", "r1", "r2"}
-    assert pl.read_parquet(tracked / "timings.parquet").columns == ["recording", "vehicle", "seconds"]
+    timings = pl.read_parquet(tracked / "timings.parquet")
+    assert timings.columns == ["recording", "vehicle", "wall_s", "processor_s", "host", "worker", "attempt"]
 
 
 def test_the_page_of_the_fleet_leads_to_those_of_its_vehicles_and_back(tracked):
@@ -122,7 +130,7 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(blank, folder
     process.send_signal(signal.SIGKILL)
     process.wait()
     assert not (out / "results.parquet").exists()
-    assert run(folder, out, "--verb", "observe", "--workers", "2") == 0
+    assert run(folder, out, "--verb", "observe", "--workers", "2") == 1
     assert content(out) == content(observed)
 
 
@@ -132,26 +140,27 @@ def test_what_is_done_is_not_done_again_and_what_has_changed_is(blank, folder, t
     made = {name: (pages / name).stat().st_mtime_ns for name in ("V1.html", "V2.html")}
 
     def read_now():
+        """How many recordings were read, and the object that says why the run has failed."""
         capsys.readouterr()
         with without_workers():
-            assert run(folder, tracked, *options) == 0
+            assert run(folder, tracked, *options) == 1
         shown = json.loads(capsys.readouterr().out)
-        assert shown["status"] == "warning"
-        return shown["message"]
+        assert (shown["status"], shown["message"]) == ("failed", NO_READING)
+        return shown["read"]
 
-    assert ", 0 read in this run" in read_now()
+    assert read_now() == 0
     again = folder / "trucks" / "V1" / "r0_again.parquet"
     again.touch()  # another time, the same content
-    assert ", 0 read in this run" in read_now()
+    assert read_now() == 0
     assert content(tracked) == before
     assert {name: (pages / name).stat().st_mtime_ns for name in made} == made
     content_before = again.read_bytes()
     shutil.copy(folder / "trucks" / "V1" / "r2.parquet", again)
-    assert ", 1 read in this run" in read_now()
+    assert read_now() == 0, "its samples have been read as r2"
     assert (pages / "V1.html").stat().st_mtime_ns > made["V1.html"]
     assert (pages / "V2.html").stat().st_mtime_ns == made["V2.html"]
     again.write_bytes(content_before)
-    assert ", 1 read in this run" in read_now()
+    assert read_now() == 0
     assert content(tracked) == before
 
 

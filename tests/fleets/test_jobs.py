@@ -70,18 +70,13 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
     for name in ("nowhere", "n" * 300):
         with pytest.raises(DataError, match=f"{name}: there is no such folder or table"):
             fleet_of(tmp_path / name, cal)
-    (depot / "fleet" / "other" / "V1").mkdir(parents=True)
-    (depot / "fleet" / "other" / "V1" / "c.csv").touch()
-    with pytest.raises(DataError, match="two vehicles under one name, 'V1'"):
-        fleet_of(depot / "fleet", cal)
     for rows, said in (
-        (("a,,T1",), "'a' has no vehicle"),
-        (("a,V1,T1", "b,V1,T2"), "of type 'T1' and of type 'T2', so it is two vehicles under one name"),
-        (("a,V1,T1", "a,V1,T1", "x,V9,T1", "x,V9,T2"), "'x' stands there twice, with other values"),
-        (("y,V1,T1", "z,V1,T1"), "none of the files of its 2 recordings exists"),
+        (("a,,T1,",), "'a' has no vehicle"),
+        (("a,V1,T1,", "a,V1,T1,", "x,V9,T1,1", "x,V9,T1,2"), "'x' stands there twice, with other values"),
+        (("y,V1,T1,", "z,V1,T1,"), "none of the files of its 2 recordings exists"),
     ):
         with pytest.raises(DataError, match=said):
-            fleet_of(table(depot, *rows), cal)
+            fleet_of(table(depot, *rows, head="recording,vehicle,type,strokes"), cal)
     path = table(depot, "a,V1,T1")
     with pytest.raises(ParameterError, match="there is no calibration of type 'T1'"):
         fleet_of(path, calibrations(depot, "T7"))
@@ -90,6 +85,32 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
     (tmp_path / "none").mkdir()
     with pytest.raises(ParameterError, match="has no calibrations"):
         fleet_of(path, tmp_path / "none")
+
+
+def test_vehicles_of_one_name_are_apart_by_their_folder_and_stop_no_others(depot):
+    root = depot / "fleet"
+    for path in ("north/V1/a.csv", "a/south/V1/a.csv", "fleet/x.csv", "x.csv", "V2/a.csv", "V2/a.csv.csv"):
+        (root / path).parent.mkdir(parents=True, exist_ok=True)
+        (root / path).touch()
+    cals = calibrations(depot, "V1", "V2")
+    (cals / "north").mkdir()
+    (cals / "north" / "V1.toml").touch()
+    fleet = fleet_of(root, cals)
+    jobs = {(job.vehicle, job.recording): job for job in fleet.jobs}
+    assert len(jobs) == len(fleet.jobs) == 10
+    assert jobs.keys() >= {("V1", "a"), ("north/V1", "a"), ("a/south/V1", "a"), ("fleet", "x"), ("fleet/.", "x")}
+    assert {name for vehicle, name in jobs if vehicle == "V2"} == {"a.csv", "a.csv.csv", "a.parquet", "b"}
+    assert [jobs[name, "a"].start for name in ("V1", "north/V1")] == [cals / "V1.toml", cals / "north" / "V1.toml"]
+    assert "no calibration of vehicle 'a/south/V1'" in jobs["a/south/V1", "a"].problem
+    assert "have one name, and are named by their folder or type: V1, a/south/V1, fleet and 2 more" in fleet.renamed
+    assert fleet_of(depot / "fleet" / "V2", depot / "cal.toml").renamed == ""
+
+
+def test_a_vehicle_of_two_types_in_a_table_is_two(depot):
+    fleet = fleet_of(table(depot, "a,V1,T1", "a,V1,T2", "b,V1,", "a,V2,T1"), calibrations(depot, "T1", "V1"))
+    assert keys(fleet) == [("T1/V1", "a"), ("T2/V1", "a"), ("V2", "a"), ("no type/V1", "b")]
+    assert [bool(job.start) for job in fleet.jobs] == [True, False, True, False], "V1.toml may be that of either"
+    assert "T1/V1, T2/V1, no type/V1; give each a name" in fleet.renamed
 
 
 @pytest.mark.parametrize("strokes", ["", "nan", "700"])

@@ -3,14 +3,16 @@
 import resource
 import sqlite3
 from contextlib import closing
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
-from clutchid.fleets.store import RecordingRow, run_store
+from clutchid.fleets.store import RecordingRow, _checksum, run_store
 from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.processes import Timing
 from clutchid.wear.history import RecordingJob, WearReading
 
 ABOUT = {"source": "/fleet", "verb": "fit"}
@@ -23,7 +25,9 @@ def kept(name, vehicle="V1", status="ok"):
         clock="2026-01-02T03:04:05+00:00", sha256="abc", half_load=HalfLoad(1e-3, 9e-4, float("nan")),
         changes=("a", "b"), curve=LoadCurve(y, y * 1e5, y, y * np.pi),
     )  # fmt: skip
-    return RecordingRow(RecordingJob(name, vehicle, inputs="inputs", file="12 34"), reading, 1.5)
+    place = {"type": "T1", "begin": datetime(2026, 1, 2, tzinfo=UTC), "odometer": 1.5, "strokes": float("nan")}
+    job = RecordingJob(name, vehicle, **place, inputs="inputs", file="12 34")
+    return RecordingRow(job, reading, Timing(1.5, float("nan"), "host", 12, 1))
 
 
 def test_a_result_comes_back_as_it_was(tmp_path):
@@ -33,7 +37,8 @@ def test_a_result_comes_back_as_it_was(tmp_path):
         stored.put(kept("r1"))
     with run_store(tmp_path / "out", ABOUT) as stored:
         rows = list(stored.results())
-        assert stored.keys()["V1", "r2"] == ("inputs", "12 34", "abc", "ok")
+        entry = stored.keys()["V1", "r2"]
+        assert (entry.job.inputs, entry.job.file, entry.checksum, entry.has_result) == ("inputs", "12 34", "abc", True)
     assert [(row.job.vehicle, row.job.recording) for row in rows] == [("V1", "r1"), ("V1", "r2"), ("V2", "r1")]
     assert repr(rows[0]) == repr(kept("r1"))
     for side in ("position", "force", "low", "high"):
@@ -91,6 +96,23 @@ def test_a_file_that_is_no_store_of_this_version_is_refused(tmp_path):
     refused(tmp_path / "other", "is not from this version of clutchid")
 
 
+def test_a_store_of_the_version_before_is_read(tmp_path):
+    with run_store(tmp_path, ABOUT) as stored:
+        stored.put(kept("r1"))
+    columns = "vehicle, recording, inputs, file, status, sha256, reading, curve"
+    with closing(sqlite3.connect(tmp_path / "run.sqlite")) as base:
+        base.execute(f"CREATE TABLE old AS SELECT {columns}, 1.5 AS seconds, '' AS checksum FROM done")
+        (row,) = base.execute("SELECT * FROM old")
+        base.execute("UPDATE old SET checksum = ?", [_checksum(row[:-1])])
+        base.execute("DROP TABLE done")
+        base.execute("ALTER TABLE old RENAME TO done")
+        base.commit()
+    for _ in range(2):
+        with run_store(tmp_path, ABOUT) as stored:
+            (row,) = stored.results()
+            assert (row.timing.wall, row.job.type, repr(row.reading)) == (1.5, "", repr(kept("r1").reading))
+
+
 def test_a_run_that_has_done_nothing_may_become_another(tmp_path):
     with run_store(tmp_path, ABOUT):
         pass
@@ -139,7 +161,7 @@ def resumed(folder, before):
 @pytest.mark.parametrize(
     "edit",
     [
-        "status = 'warning'", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "seconds = 1",
+        "status = 'warning'", "sha256 = 'xyz'", "inputs = 'other'", "file = '12 35'", "timing = '[]'", "place = '[]'",
         "reading = replace(reading, '0.0001', '0.0002')", "reading = '{}'", "reading = 'no JSON'", "reading = x'ff'",
         "curve = NULL", "curve = x'00'", "checksum = ''", "recording = 'r99'",
     ],

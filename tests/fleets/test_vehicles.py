@@ -24,9 +24,9 @@ def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
     with run_store(out, {}) as stored:
         for job in fleet.jobs:
-            stored.put(RecordingRow(job, read(job), 0.0))
+            stored.put(RecordingRow(job, read(job)))
         write_results(fleet, stored, out)
-        write_vehicles(vehicles_of(fleet, stored, {"": LifeLimits()}), "clutchid fleet", out, trends=True)
+        write_vehicles(vehicles_of(fleet, stored, lambda _: LifeLimits()), "clutchid fleet", out, trends=True)
     rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
     return rows, [path.name for path in (out / "vehicles").iterdir()]
 

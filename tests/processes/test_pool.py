@@ -1,6 +1,7 @@
 """Worker processes: an item that ends its process is the only one lost, and every one ends with who waits for it."""
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -42,15 +43,20 @@ def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
     assert "(SIGKILL, as where memory runs out), twice" in said["SIGKILL"]
     assert "(SIGSEGV), twice" in said["SIGSEGV"]
     assert "took longer than 5 s" in said["slow"]
-    assert next(work.seconds for work in finished if work.item == ("slow", 102)) < 10.0, "it is not tried again"
+    (slow,) = (work.timing for work in finished if work.item == ("slow", 102))
+    assert (slow.wall < 10.0, slow.attempt) == (True, 1), "it is not tried again"
+    assert next(work.timing.attempt for work in finished if work.item == ("SIGKILL", 100)) == 2
     assert "more than 0.6 GB" in said["memory"]
     assert "RuntimeError: no" in said["error"]
 
 
 def test_the_time_of_each_item_is_its_own():
     slow, quick = sorted(results(time.sleep, [0.5, 0.0], 1), key=lambda work: -work.item)
-    assert 0.5 <= slow.seconds < 0.5 + quick.seconds + 5.0
-    assert quick.seconds < 0.5
+    assert 0.5 <= slow.timing.wall < 0.5 + quick.timing.wall + 5.0
+    assert quick.timing.wall < 0.5
+    assert slow.timing.processor < 0.2, "it has slept"
+    assert (slow.timing.host, slow.timing.attempt) == (platform.node(), 1)
+    assert slow.timing.worker not in (None, os.getpid())
 
 
 def test_an_item_whose_worker_was_taken_away_is_done_again(tmp_path):

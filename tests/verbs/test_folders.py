@@ -20,6 +20,7 @@ from clutchid.verbs.tracking import recordings_of
 from clutchid.wear.tables import read_table
 from fixtures.commands import without_workers
 from fixtures.forms import NAMES, kind_in, write_forms
+from fixtures.lives import reading
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +98,8 @@ def test_fleet_and_track_read_all_of_them(forms, tmp_path, cal):
     vehicle = one_of_each(forms, tmp_path / "fleet" / "V1", names)
     run = clutchid.fleet(tmp_path / "fleet", cal, tmp_path / "out", dbc=[forms[1]])
     said = pl.read_parquet(tmp_path / "out" / "results.parquet")["message"].to_list()
-    read = clutchid.track(vehicle, cal, dbc=[forms[1]]).wear.readings
-    for sentences in (said, [reading.message for reading in read]):
+    read = clutchid.track(vehicle, cal, dbc=[forms[1]]).wear.rows
+    for sentences in (said, [row.reading.message for row in read]):
         ends = Counter(sentence.partition(": ")[2] for sentence in sentences)
         assert len(sentences) == len(names) == 2 * sum(bool(row.suffixes) for row in FORMATS)
         assert len(ends) == 1, "every one is refused for the same reason, which stands in its samples"
@@ -188,8 +189,8 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
     table = tmp_path / "trips.csv"
     table.write_text("recording,vehicle,strokes\na.csv,V1,1\nb.bin,V1,2\nc,V1,3\n")
     tracked = clutchid.track(tmp_path, cal, table=table)
-    assert [job.recording for job in tracked.wear.dated] == ["a", "b.bin", "c"]
-    messages = [reading.message for reading in tracked.wear.readings]
+    assert [row.job.recording for row in tracked.wear.rows] == ["a", "b.bin", "c"]
+    messages = [row.reading.message for row in tracked.wear.rows]
     assert messages[0].partition(": ")[2] == messages[1].partition(": ")[2]
     assert messages[2] == "the table names it, but its file is not there."
     assert tracked.left_out == "2 files are not read as recordings: 2 .toml."
@@ -199,7 +200,8 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
 
 @pytest.mark.slow
 @without_workers()
-def test_warnings_about_times_reach_the_rows_of_a_fleet(tmp_path, cal, still):
+def test_warnings_about_times_reach_the_rows_of_a_fleet(tmp_path, cal, still, monkeypatch):
+    monkeypatch.setattr("clutchid.verbs.wear_reading._fitted", lambda *_: reading(0.0))
     clocks = {"a": "1970-01-01T00:00:10", "b": "2026-05-01T10:00:00", "c": ""}
     (tmp_path / "fleet" / "V1").mkdir(parents=True)
     for k, (name, clock) in enumerate(clocks.items()):

@@ -1,11 +1,13 @@
 """The life of a clutch: trend, alarms, what is left."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
-from clutchid.documents.wear_rows import alarm_words, change_words, left_words
-from clutchid.wear.history import Leak
-from clutchid.wear.life import remaining
+from clutchid.documents.wear_rows import alarm_words, change_words, left_words, recordings_words
+from clutchid.wear.history import Leak, RecordingJob, WearReading
+from clutchid.wear.life import LifeLimits, remaining, wear_of
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable, growth_noise
 from fixtures.lives import leaking_life, life, reading
 
@@ -55,7 +57,7 @@ def test_what_is_not_sure_is_no_alarm_and_waits(with_table):
     wear = leaking_life(with_table=with_table, count=10)
     assert wear.alarms == ()
     assert wear.outcomes[9] == "left out"
-    assert "the next recordings will say" in wear.reasons[9]
+    assert "the next recordings will say" in wear.rows[9].reason
 
 
 def test_a_change_between_fault_and_new_clutch_is_unknown():
@@ -123,12 +125,52 @@ def test_a_calibration_that_no_longer_holds_is_an_alarm_after_three_readings():
 
 def test_recordings_without_a_measurement_are_bridged():
     shifts = RATE * 1e4 * np.arange(30)
-    shifts[[3, 10, 11, 29]] = np.nan
-    wear = life_of(shifts, limit=1e-3)
-    assert [k for k, outcome in enumerate(wear.outcomes) if outcome == "missing"] == [3, 10, 11, 29]
+    bridged, readings = (3, 10, 11, 29), list(map(reading, shifts))
+    for k in bridged:
+        readings[k] = WearReading("warning", "of another truck.")
+    wear = life(readings, limit=1e-3)
+    assert tuple(k for k, outcome in enumerate(wear.outcomes) if outcome == "missing") == bridged
     assert np.isfinite(wear.then["shift"].value).all()
     nothing = life_of(np.full(3, np.nan), limit=1e-3)
-    assert nothing.left is None
+    assert (nothing.left, nothing.recordings, len(nothing.rows)) == (None, 3, 3)
+    assert np.isnan(nothing.present_rate.value)
+
+
+#: Files beside the recordings of a clutch, by what became of them, and whether they are recordings of it.
+BESIDE = {
+    "bad_input": (WearReading("bad_input", "cut.parquet: ends early.", apart=True), False),
+    "refused": (WearReading("bad_input", "the duty cycles are swapped.", clock="2026-03-01"), True),
+    "failed": (WearReading("failed", "did not converge.", clock="2031-01-01"), True),
+    "timed_out": (WearReading("timed_out", "took too long."), True),
+    "killed": (WearReading("killed", "its process ended on it."), True),
+    "copy": (reading(3e-4, leak=Leak(2e-11, 1e-12, 0.99), departs=True, apart=True), False),
+}
+
+
+@pytest.mark.parametrize("kind", BESIDE)
+@pytest.mark.parametrize("axis", ["strokes", "km", "days"])
+def test_files_without_a_reading_change_nothing_of_a_life(axis, kind):
+    """Whatever their names are, and however many there are."""
+    places = {"strokes": "strokes", "km": "odometer", "days": "begin"}
+    steps = [datetime(2026, 1, 1 + k, tzinfo=UTC) if axis == "days" else 1e4 * k for k in range(12)]
+    jobs = [RecordingJob(f"r{k:02d}", **{places[axis]: step}) for k, step in enumerate(steps)]
+    readings = [reading(shift) for shift in 3e-6 * np.arange(12.0)]
+    beside, is_recording = BESIDE[kind]
+    names = ["cut", *(f"sales_2026-01-{k + 1:02d}" for k in range(24))]
+    alone, together = (
+        wear_of("V1", [*map(RecordingJob, more), *jobs], [*[beside] * len(more), *readings], LifeLimits(1e-4))
+        for more in ((), names)
+    )
+    assert together.axis == axis
+    assert together.left == alone.left
+    assert (together.warnings, together.alarms, together.outcomes) == (alone.warnings, (), alone.outcomes)
+    for when in ("then", "now", "rate"):
+        np.testing.assert_array_equal(getattr(together, when)["shift"], getattr(alone, when)["shift"])
+    assert together.recordings == (37 if is_recording else 12)
+    assert {row.outcome for row in together.rows[12:]} == {"missing"}
+    assert all(row.reason for row in together.rows[12:]) or kind == "copy"
+    words = "12 of 37 count, 25 without a measurement" if is_recording else "25 other files are no recording or a copy"
+    assert words in recordings_words(together)
 
 
 def test_the_wear_of_the_facing_needs_a_table():

@@ -78,6 +78,8 @@ def fleet(
     pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = _ONE_PROCESS,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
+    fail_share: Annotated[float, FLEET] = 0.2,
+    forget_missing: Annotated[Flag, FLEET] = False,
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -93,7 +95,7 @@ def fleet(
         A folder, in which each folder of recordings is a vehicle; or a table (CSV) with recording, vehicle and type.
     start
         Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml; with
-        track, a table of wear TYPE.wear.csv beside it is used.
+        track, a table of wear TYPE.wear.csv or VEHICLE.wear.csv beside it is used.
     out
         Folder of the results, new or that of a run to go on with.
     verb
@@ -104,6 +106,11 @@ def fleet(
         default the last row of TYPE.wear.csv ends it. Without either, what is left is not known.
     retry
         Read recordings once more that ended their worker or took too long.
+    fail_share
+        Share of the recordings that may have no result. If there are more, or a vehicle has no reading at all, the
+        exit code is 1.
+    forget_missing
+        Leave out recordings whose files are gone; else their readings are kept, and counted.
     json
         Print one JSON object on standard output.
     debug
@@ -114,12 +121,13 @@ def fleet(
     shift, place = life_limit(limit), _place(pool)
     with progress_of("fleet") as progress:
         run = verbs.fleet(
-            source, start, out, verb=verb, place=place, limit=shift, retry=retry,
+            source, start, out, verb=verb, place=place, limit=shift, retry=retry, fail_share=fail_share,
+            forget_missing=forget_missing,
             ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
     _say(run, as_json=json)
-    return DONE if {"ok", "warning"} & {*run.statuses} else FAILED
+    return FAILED if run.failure else DONE
 
 
 def _place(pool: WorkerLimits) -> Workers:
@@ -136,13 +144,13 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
     words = ", ".join(f"{statuses[name]:,} {name}" for name in _STATUSES if statuses.get(name))
     message = f"{count:,} recordings, {run.read:,} read in this run: {words}"
     if as_json:
-        useful = statuses.get("ok", 0) + statuses.get("warning", 0)
-        ended = "ok" if statuses.get("ok") == count else "warning" if useful else "failed"
+        ended = "failed" if run.failure else "ok" if statuses.get("ok") == count else "warning"
         print_json(
             {
                 "status": ended,
-                "message": message,
+                "message": run.failure or message,
                 "statuses": dict(statuses),
+                "read": run.read,
                 "out": str(run.out.resolve()),
                 "warnings": list(run.warnings),
             }
@@ -150,6 +158,8 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
         return
     say(run.warnings)
     put(printable_lines(message))
+    if run.failure:
+        put(printable_lines(f"clutchid: {run.failure}"), to=sys.stderr)
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((run.out / 'index.html').resolve()))}")
 
 

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 
 from clutchid.cli.common import (
     DONE,
+    FAILED,
     FILES,
     FLEET,
     SEARCH,
@@ -89,13 +90,14 @@ def track(
     document = document_of(tracked, typed(sys.argv[1:]))
     if report is not None:
         write_page(document, report)
+    ended = DONE if any(tracked.wear.counted) else FAILED  # as its JSON object says
     if json:
         print_json(document.data())
-        return DONE
+        return ended
     say(filter(None, (tracked.left_out, *tracked.wear.warnings)))
     print_rows(document.rows)
     print_written(*results, report)
-    return DONE
+    return ended
 
 
 def _check(

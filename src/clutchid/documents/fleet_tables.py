@@ -45,6 +45,11 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
 
+    @property
+    def has_result(self) -> int:
+        """Number of its recordings that were read."""
+        return sum(number for status, number in self.statuses.items() if status in ("ok", "warning"))
+
 
 class ReasonCount(NamedTuple):
     """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""

@@ -172,9 +172,10 @@ def recordings_table(wear: Wear) -> ReportTable:
         Column("outcome", "in the trend"), Column("message", "reason or message"),
     )  # fmt: skip
     rows: list[tuple[Cell, ...]] = []
-    for job, reading, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True):
+    for job, reading, outcome, reason in wear.rows:
         begin = f"{job.begin:%Y-%m-%d}" if job.begin else None
         shift, load = (reading.measurement.shift, reading.measurement.load) if reading.measurement else (None, None)
         message = reason or ("" if reading.status == "ok" else reading.message)
         rows.append((job.recording, begin, job.strokes, shift, load, reading.trust, outcome, message))
-    return ReportTable("Recordings in the order of the life", columns, tuple(rows))
+    note = "Files without a reading have no place in this order and come last." if wear.apart else ""
+    return ReportTable("Recordings in the order of the life", columns, tuple(rows), note=note)

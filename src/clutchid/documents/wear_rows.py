@@ -42,16 +42,19 @@ def wear_lines(wear: Wear) -> list[str]:
 
 
 def recordings_words(wear: Wear) -> str:
-    """Number of recordings, their span, and their outcomes."""
-    counts = Counter(wear.outcomes)
-    used = counts["used"] + counts["jump"]
-    words = [f"{used} of {len(wear.outcomes)} count"]
-    if counts["left out"]:
-        words.append(f"{counts['left out']} outlier{'s' if counts['left out'] > 1 else ''} left out")
-    failed = Counter(reading.status for reading in wear.readings if reading.measurement is None)
+    """Number of recordings, their span, and their outcomes; and how many files of the vehicle are none."""
+    outliers = wear.outcomes.count("left out")
+    words = [f"{sum(wear.counted)} of {wear.recordings} count"]
+    if outliers:
+        words.append(f"{outliers} outlier{'s' if outliers > 1 else ''} left out")
+    recordings = [row.reading for row in wear.rows if not row.reading.apart]
+    failed = Counter(reading.status for reading in recordings if reading.measurement is None)
     words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
-    over = f", over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}" if wear.axis != "recordings" else ""
-    return f"{', '.join(words)}{over}"
+    if wear.axis != "recordings":
+        words.append(f"over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}")
+    others = len(wear.rows) - len(recordings)
+    beside = f"; {others} other file{'s are' if others > 1 else ' is'} no recording or a copy of one" if others else ""
+    return f"{', '.join(words)}{beside}"
 
 
 def change_words(wear: Wear) -> str:
@@ -125,19 +128,20 @@ def wear_json(wear: Wear, left_out: str = "") -> dict[str, Any]:
     `left_out` says what was not read as a recording, which troubles no result.
     """
     counted = any(wear.counted)
-    troubled = wear.warnings or wear.alarms or any(reading.status != "ok" for reading in wear.readings)
+    rows = wear.rows
+    troubled = wear.warnings or wear.alarms or any(row.reading.status != "ok" for row in rows)
     return {
         "status": "failed" if not counted else "warning" if troubled else "ok",
         "message": change_words(wear) if counted else recordings_words(wear),
         "logs": {
             job.recording: {
-                "status": read.status,
-                "message": read.message,
-                "trust": read.trust,
+                "status": reading.status,
+                "message": reading.message,
+                "trust": reading.trust,
                 "outcome": outcome,
                 "reason": reason,
             }
-            for job, read, outcome, reason in zip(wear.dated, wear.readings, wear.outcomes, wear.reasons, strict=True)
+            for job, reading, outcome, reason in rows
         },
         "warnings": [sentence for sentence in (left_out, *wear.warnings) if sentence],
         "wear": {

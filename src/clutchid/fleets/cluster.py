@@ -12,7 +12,7 @@ import logging
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
@@ -22,7 +22,7 @@ import psutil
 
 from clutchid import processes
 from clutchid.errors import ClutchidError, ParameterError, SolveError, missing
-from clutchid.processes import FinishedWork, Limits, LostWork, Pool, check_workers
+from clutchid.processes import FinishedWork, Limits, LostWork, Pool, Timing, check_workers
 from clutchid.version import installed_version
 
 if TYPE_CHECKING:
@@ -228,9 +228,11 @@ def _spread(
             if outcome is None and attempt < _ATTEMPTS:
                 submit([item], attempt + 1)
             elif isinstance(outcome, FinishedWork):
-                yield outcome
+                timing = outcome.timing
+                yield replace(outcome, timing=timing._replace(attempt=timing.attempt + attempt - 1))
             else:
-                yield FinishedWork(item, outcome or LostWork("killed", f"{_ATTEMPTS} workers were lost with it."), 0.0)
+                lost = outcome or LostWork("killed", f"{_ATTEMPTS} workers were lost with it.")
+                yield FinishedWork(item, lost, Timing(attempt=attempt))
         if len(attempts) <= _WINDOW - _BATCH:
             submit(list(islice(waiting, _WINDOW - len(attempts))), 1)
     with suppress(TimeoutError, OSError):

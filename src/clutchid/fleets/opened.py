@@ -192,7 +192,7 @@ def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
         vehicle = vehicles.setdefault(
             row["vehicle"], {"type": row.get("type"), "recordings": 0, "counted": 0, "trust": row["trust"]}
         )
-        vehicle["recordings"] += 1
+        vehicle["recordings"] += row.get("is_recording", True)
         peak = _band([row[f"peak{side}_N"] for side in ("", "_low", "_high")])
         if peak is None:
             continue
@@ -222,7 +222,8 @@ def vehicle_table(files: Files, name: str) -> dict[str, Any]:
         raise DataError(f"{printable(name)}: {where}, so that nothing is known of it.")
     names = [str(recording) for recording in rows["recording"]]
     loads = _loads(files, name, names)
-    trend = _trend(rows) if "shift smoothed [m]" in rows.columns else None
+    placed = rows.filter(pl.col("along").is_not_null()) if "along" in rows.columns else rows.head(0)
+    trend = _trend(placed) if placed.height else None
     return {
         "kind": "vehicle", "vehicle": name, "type": _type(files, own),
         "recordings": [_recording(row, loads.get(row["recording"])) for row in rows.iter_rows(named=True)],

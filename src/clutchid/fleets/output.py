@@ -7,7 +7,8 @@ import json
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import groupby, islice, tee
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,9 +18,9 @@ import numpy as np
 from clutchid.documents import FleetWear, WornClutch, document_of, write_page
 from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
-from clutchid.files import atomic_write, make_folder, write_frame
+from clutchid.files import atomic_write, digest, make_folder, write_frame
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.jobs import Fleet
+from clutchid.fleets.jobs import Fleet, stamp_of
 from clutchid.fleets.store import RecordingRow, Store
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.systems import is_device
@@ -51,20 +52,33 @@ def recording_rows(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
         yield row._replace(reading=reading)
 
 
+#: Why the reading of a file that is gone is not used.
+_OTHER_CALIBRATION = (
+    "the file is gone, and was read from another calibration than that of today, so that its change cannot be compared."
+)
+
+
 def _merged(jobs: Iterable[RecordingJob], stored: Iterator[RecordingRow]) -> Iterator[RecordingRow]:
-    """Jobs with their results, both in the same order; results of missing recordings are skipped."""
+    """Jobs with their results, both in the same order; other results are skipped."""
 
     def key(job: RecordingJob) -> tuple[str, str]:
         return job.vehicle, job.recording
 
+    hashed = cache(digest)
     row = next(stored, None)
     for job in jobs:
         while row is not None and key(row.job) < key(job):
             row = next(stored, None)
-        if job.problem:
-            yield RecordingRow(job, WearReading("bad_input", job.problem))
-        elif row is not None and key(row.job) == key(job):
-            yield row._replace(job=job)
+        if row is not None and key(row.job) == key(job) and (row.reading.has_result or not job.problem):
+            stamp = stamp_of(job.path) if job.path else ""
+            gone = row.reading.has_result and (not stamp or row.job.file not in ("", stamp))
+            if gone and job.start and not row.job.inputs.startswith(f'["{hashed(job.start)}"'):
+                clock, sha256, curve = row.reading.clock, row.reading.sha256, row.reading.curve
+                reading = WearReading("warning", _OTHER_CALIBRATION, clock=clock, sha256=sha256, curve=curve)
+                row = row._replace(reading=reading)
+            yield row._replace(job=job, file_gone=gone)
+        elif job.problem:
+            yield RecordingRow(job, WearReading("bad_input", job.problem, apart=True))
         else:
             yield RecordingRow(job, _UNREAD)
 
@@ -80,8 +94,8 @@ def _by_vehicle(rows: Iterable[RecordingRow]) -> Iterator[list[RecordingRow]]:
     return (list(own) for _, own in groupby(rows, key=lambda row: row.job.vehicle))
 
 
-def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False) -> Counter[str]:
-    """Write results, times and loads of all recordings; how many there are by status.
+def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False) -> tuple[Counter[str], int]:
+    """Write results, times and loads of all recordings; how many there are by status, and whose files are gone.
 
     With `trends` a recording also has the warnings about its time, which is its place in the life of its vehicle.
 
@@ -94,28 +108,34 @@ def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False
 
     statuses: Counter[str] = Counter()
     results: list[Mapping[str, object]] = []
-    timings: list[tuple[str, str, float]] = []
+    timings: list[tuple[str | float | None, ...]] = []
+    gone = 0
     make_folder(out / CURVES)
     rows, part = recording_rows(fleet, store), 0
     rows = _with_warnings(rows) if trends else rows
     while some := list(islice(rows, _PART)):
         statuses.update(row.reading.status for row in some)
+        gone += sum(row.file_gone for row in some)
         results += map(_result, some)
-        timings += [(row.job.recording, row.job.vehicle, row.seconds) for row in some]
+        timings += [(row.job.recording, row.job.vehicle, *row.timing) for row in some]
         keys = {what: [getattr(row.job, what) for row in some] for what in ("recording", "vehicle")}
         write_frame(load_frame(keys, [row.reading.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
         part += 1
     for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
         old.unlink()
-    write_frame(
-        pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None), out / RESULTS
-    )
-    write_frame(pl.DataFrame(timings, ["recording", "vehicle", "seconds"], orient="row"), out / _TIMINGS)
-    return statuses
+    table = pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None)
+    write_frame(table.fill_nan(None), out / RESULTS)
+    write_frame(pl.DataFrame(timings, _TIMED, orient="row").fill_nan(None), out / _TIMINGS)
+    return statuses, gone
 
 
 #: Columns of text that may be empty throughout.
 _TEXT = ("changes", "sha256", "message", "reason", "warnings")
+
+#: Columns of the cost of recordings.
+_TIMED = {
+    "recording": str, "vehicle": str, "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
+}  # fmt: skip
 
 
 def _result(row: RecordingRow) -> Mapping[str, object]:
@@ -126,14 +146,14 @@ def _result(row: RecordingRow) -> Mapping[str, object]:
     shift, load = (measured[0:2], measured[2:4]) if measured else (nothing, nothing)
     return {
         "recording": row.job.recording, "vehicle": row.job.vehicle, "type": row.job.type,
-        "status": reading.status, "message": reading.message, "trust": reading.trust,
+        "is_recording": not reading.apart, "status": reading.status, "message": reading.message, "trust": reading.trust,
         "peak_N": peak[0], "peak_low_N": peak[1], "peak_high_N": peak[2],
         "half_load_mm": half[0], "half_load_low_mm": half[1], "half_load_high_mm": half[2],
         "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
         "load_change": load[0], "load_change_std": load[1],
         "temperature_K": measured.temperature if measured else float("nan"),
         "changes": ", ".join(reading.changes), "sha256": reading.sha256, "reason": reading.unmeasured,
-        "warnings": " ".join(row.job.warnings),
+        "file_gone": row.file_gone, "warnings": " ".join(row.job.warnings),
     }  # fmt: skip
 
 
@@ -158,17 +178,17 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-def vehicles_of(fleet: Fleet, store: Store, limits: Mapping[str, LifeLimits]) -> Iterator[Wear]:
+def vehicles_of(fleet: Fleet, store: Store, limits: Callable[[RecordingJob], LifeLimits]) -> Iterator[Wear]:
     """The wear of every vehicle of a fleet, from its results.
 
     Parameters
     ----------
     limits
-        What ends a life, by type.
+        What ends the life of the vehicle of a recording.
     """
     for rows in _by_vehicle(recording_rows(fleet, store)):
         jobs, job = [row.job for row in rows], rows[0].job
-        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits[job.type])
+        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits(job))
 
 
 def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
@@ -200,12 +220,9 @@ def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends:
         _add_reasons(wear, reasons)
     if trends:
         write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
-        write_frame(
-            pl.DataFrame(
-                [_listed(row) for row in rows], schema_overrides=dict.fromkeys(("alarms", "warnings"), pl.String)
-            ),
-            out / VEHICLES,
-        )
+        text = dict.fromkeys(("alarms", "warnings"), pl.String)
+        table = pl.DataFrame([_listed(row) for row in rows], schema_overrides=text)
+        write_frame(table.fill_nan(None), out / VEHICLES)
         with atomic_write(out / _PAGES / _MADE) as temporary:
             temporary.write_text(json.dumps(made), encoding="utf-8")
     write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / _INDEX)
@@ -257,8 +274,8 @@ def _row(wear: Wear, page: str) -> VehicleRow:
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
     last = next((job.begin for job in reversed(wear.dated) if job.begin), None)
     return VehicleRow(
-        wear.vehicle, wear.dated[0].type, len(wear.dated), counted,
-        Counter(reading.status for reading in wear.readings), last,
+        wear.vehicle, wear.rows[0].job.type, wear.recordings, counted,
+        Counter(row.reading.status for row in wear.rows if not row.reading.apart), last,
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
@@ -283,10 +300,10 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
 
 def _add_reasons(wear: Wear, reasons: dict[tuple[str, str], list[str]]) -> None:
     """Count reasons why recordings do not count, without names and numbers of single recordings."""
-    for job, reading, reason in zip(wear.dated, wear.readings, wear.reasons, strict=True):
-        if reason:
-            sentence = _PARTICULAR.sub("…", reason.splitlines()[0])
-            reasons.setdefault((reading.status, sentence[:_LONGEST]), []).append(job.recording)
+    for row in wear.rows:
+        if row.reason:
+            sentence = _PARTICULAR.sub("…", row.reason.splitlines()[0])
+            reasons.setdefault((row.reading.status, sentence[:_LONGEST]), []).append(row.job.recording)
 
 
 def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple
 
 from clutchid.errors import ExportError
 from clutchid.files import atomic_write, make_folder
+from clutchid.processes import Timing
 from clutchid.verbs.folders import STORE
 from clutchid.wear.history import RecordingJob, WearReading, packed_reading, restored
 
@@ -26,15 +30,19 @@ _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM
 _COLUMNS = {
     "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
     "status": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "reading": "TEXT NOT NULL", "curve": "BLOB",
-    "seconds": "REAL NOT NULL", "checksum": "TEXT NOT NULL",
+    "place": "TEXT NOT NULL", "timing": "TEXT NOT NULL", "checksum": "TEXT NOT NULL",
 }  # fmt: skip
 
-_SCHEMA = f"""
-CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
+#: Columns of the version before, which knew of a recording neither its place in the life of its vehicle nor a worker.
+_BEFORE = [*list(_COLUMNS)[:-3], "seconds", "checksum"]
+
+_TABLE = f"""
 CREATE TABLE IF NOT EXISTS done (
     {", ".join(map(" ".join, _COLUMNS.items()))}, PRIMARY KEY (vehicle, recording)
 );
 """
+
+_SCHEMA = f"CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL); {_TABLE}"
 
 #: Key of the checksum of what the run is about.
 _CHECKSUM = "checksum"
@@ -44,11 +52,25 @@ _StoredRow = tuple[str | float | bytes | None, ...]
 
 
 class RecordingRow(NamedTuple):
-    """A recording of a fleet, what its reading gave, and the time in s that this took; NaN where it was not read."""
+    """A recording of a fleet, what its reading gave, what that cost, and whether the samples are not there any more."""
 
     job: RecordingJob
     reading: WearReading
-    seconds: float = float("nan")
+    timing: Timing = Timing()
+    file_gone: bool = False
+
+
+class StoredKey(NamedTuple):
+    """A stored recording without its reading: its job with names, inputs, file and place, its checksum and status."""
+
+    job: RecordingJob
+    checksum: str
+    status: str
+
+    @property
+    def has_result(self) -> bool:
+        """Whether it was read."""
+        return self.status in ("ok", "warning")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,12 +83,12 @@ class Store:
     path: Path
     base: sqlite3.Connection
 
-    def keys(self) -> dict[tuple[str, str], tuple[str, str, str, str]]:
-        """Inputs, file, checksum and status of finished recordings, by vehicle and recording."""
-        return {(row[0], row[1]): (row[2], row[3], row[5], row[4]) for row in self._rows()}
+    def keys(self) -> dict[tuple[str, str], StoredKey]:
+        """The finished recordings by vehicle and recording."""
+        return {(row[0], row[1]): StoredKey(_job(row), row[5], row[4]) for row in self._rows()}
 
     def results(self) -> Iterator[RecordingRow]:
-        """All results, in the order of vehicle and recording; of a job its names, inputs and file are kept."""
+        """All results, in the order of vehicle and recording; of a job its names, inputs, file and place are kept."""
         return map(_kept, self._rows())
 
     def _rows(self) -> Iterator[tuple[Any, ...]]:
@@ -79,11 +101,20 @@ class Store:
         with _room(self.path):
             _insert(self.base, [_row(result)])
 
-    def same_file(self, key: tuple[str, str], file: str) -> None:
-        """Note that a recording's file has another time, but the same content."""
+    def rename(self, same: Sequence[tuple[tuple[str, str], RecordingJob]]) -> None:
+        """Keep readings under the names, files and places of jobs too, whose samples are those under other keys."""
         with _room(self.path):
             where = "SELECT * FROM done WHERE vehicle = ? AND recording = ?"
-            _insert(self.base, [_with_checksum((*row[:3], file, *row[4:-1])) for row in self.base.execute(where, key)])
+            rows = [(job, row) for key, job in same for row in self.base.execute(where, key).fetchall()]
+            renamed = (
+                (job.vehicle, job.recording, row[2], job.file, *row[4:8], place_of(job), row[9]) for job, row in rows
+            )
+            _insert(self.base, list(map(_with_checksum, renamed)))
+
+    def forget(self, keys: Iterable[tuple[str, str]]) -> None:
+        """Delete results by vehicle and recording."""
+        with _room(self.path):
+            self.base.executemany("DELETE FROM done WHERE vehicle = ? AND recording = ?", list(keys))
 
     def saved(self, last: float = 0.0) -> float:
         """Write results to the disk, unless that was done a moment before; the time of the last write."""
@@ -193,7 +224,13 @@ def _text(content: bytes) -> str:
 
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
-    if [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description] != list(_COLUMNS):
+    columns = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
+    if columns == _BEFORE:
+        rows = [(*row[:8], "[]", json.dumps([row[8]])) for row in filter(_is_whole, base.execute("SELECT * FROM done"))]
+        base.execute("DROP TABLE done")
+        base.execute(_TABLE)
+        _insert(base, map(_with_checksum, rows))
+    elif columns != list(_COLUMNS):
         raise ExportError(
             f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder: "
             "`clutchid fleet ... --out NEWFOLDER` makes its results anew."
@@ -263,9 +300,19 @@ def _with_checksum(row: _StoredRow) -> _StoredRow:
 def _row(result: RecordingRow) -> _StoredRow:
     job, reading = result.job, result.reading
     key = job.vehicle, job.recording, job.inputs, job.file, reading.status, reading.sha256
-    return _with_checksum((*key, *packed_reading(reading), float(result.seconds)))
+    return _with_checksum((*key, *packed_reading(reading), place_of(job), json.dumps(result.timing)))
+
+
+def place_of(job: RecordingJob) -> str:
+    """Type of the vehicle, and place of a recording in its life, as a table has them; they are kept with a reading."""
+    return json.dumps([job.type, job.begin.isoformat() if job.begin else None, job.odometer, job.strokes])
+
+
+def _job(row: tuple[Any, ...]) -> RecordingJob:
+    kind, begin, odometer, strokes = json.loads(row[8]) or ("", None, math.nan, math.nan)
+    began = datetime.fromisoformat(begin) if begin else None
+    return RecordingJob(row[1], row[0], kind, began, odometer, strokes, inputs=row[2], file=row[3])
 
 
 def _kept(row: tuple[Any, ...]) -> RecordingRow:
-    vehicle, recording, inputs, file, _, _, reading, curve, seconds, _ = row
-    return RecordingRow(RecordingJob(recording, vehicle, inputs=inputs, file=file), restored(reading, curve), seconds)
+    return RecordingRow(_job(row), restored(row[6], row[7]), Timing(*json.loads(row[9])))

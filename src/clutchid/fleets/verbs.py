@@ -7,21 +7,35 @@ from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import COMPILATION, Fleet, compile_first, fleet_of, read_all, tasks
+from clutchid.fleets.jobs import (
+    COMPILATION,
+    Fleet,
+    NoRecordingsError,
+    by_own_name,
+    compile_first,
+    fleet_of,
+    read_all,
+    tasks,
+    with_missing,
+)
 from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
 from clutchid.fleets.store import run_store
+from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
+from clutchid.verbs.folders import STORE
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import read_recording
+from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import LifeLimits
 from clutchid.wear.tables import read_wear_table
+from clutchid.wear.trend import WearTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +54,8 @@ class FleetRun:
         Folder of the results, see docs/commands/fleet.md.
     warnings
         What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
+    failure
+        Why the run as a whole has failed, in a sentence; empty if it has not.
 
     Examples
     --------
@@ -53,6 +69,7 @@ class FleetRun:
     read: int
     out: Path
     warnings: tuple[str, ...] = ()
+    failure: str = ""
 
 
 @checked
@@ -65,6 +82,8 @@ def fleet(
     place: Workers = ONE_WORKER,
     limit: float | None = None,
     retry: bool = False,
+    fail_share: float = 0.2,
+    forget_missing: bool = False,
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -89,6 +108,11 @@ def fleet(
         With 'track': shift of the half-load position that ends the life of a clutch.
     retry : bool
         Read recordings once more that ended their worker or took too long.
+    fail_share : 1
+        Share of the recordings that may have no result, from 0 to 1; the run has failed if there are more, or if a
+        vehicle has no reading at all.
+    forget_missing : bool
+        Leave out recordings whose files are gone; else their readings are kept.
     ambient : Pa, optional
         Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
@@ -125,24 +149,32 @@ def fleet(
     """
     if limit is not None and verb != "track":
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
+    if not 0.0 <= fail_share <= 1.0:
+        raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
     folder, calibrations, origin = Path(out), Path(start), Path(source)
-    listed = fleet_of(origin, calibrations)
+    listed, absent = _listed(origin, calibrations, folder, forget=forget_missing)
     if calibrations.is_file():
         content_of(calibrations)  # a broken one is one sentence, not one a recording
+    tables = _wear_tables(calibrations)
     how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
         todo = tasks(listed, reading, how, base, retry=retry)
+        listed = with_missing(listed, calibrations, base, forget=forget_missing)
+        if not listed.jobs:
+            raise NoRecordingsError(absent)
         if todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
                 compile_first(how, {job.start for job in todo if job.start})
             read_all(place, partial(read_recording, reading, how), todo, base, progress or (lambda _done, _all: None))
         trends = verb == "track"
-        statuses = write_results(listed, base, folder, trends=trends)
-        vehicles = vehicles_of(listed, base, _limits(listed, calibrations, limit))
+        statuses, gone = write_results(listed, base, folder, trends=trends)
+        vehicles = vehicles_of(listed, base, lambda job: LifeLimits(limit, tables.of(job)))
         rows = write_vehicles(vehicles, command, folder, trends=trends)
-    warnings = [listed.left_out, _time_warnings(rows) if trends else ""]
-    return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)))
+    times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
+    warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
+    failure = _failure(rows, fail_share, trends=trends)
+    return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)), failure)
 
 
 def _time_warnings(rows: Sequence[VehicleRow]) -> str:
@@ -157,10 +189,60 @@ def _time_warnings(rows: Sequence[VehicleRow]) -> str:
     )
 
 
-def _limits(listed: Fleet, start: Path, shift: float | None) -> dict[str, LifeLimits]:
-    """End of a life by type: a shift in m for all, and the load against wear of a type, beside its calibration."""
-    tables = {kind: start / f"{kind}.wear.csv" for kind in {job.type for job in listed.jobs}}
-    return {
-        kind: LifeLimits(shift, read_wear_table(path) if kind and path.is_file() else None)
-        for kind, path in tables.items()
-    }
+def _listed(source: Path, start: Path, out: Path, *, forget: bool) -> tuple[Fleet, str]:
+    """The recordings of a fleet; of one whose files are all gone none, if it has been read, and why in a sentence."""
+    try:
+        return fleet_of(source, start), ""
+    except NoRecordingsError as error:
+        if forget or not (out / STORE).exists():
+            raise
+        return Fleet(()), str(error)
+
+
+def _missing_files(gone: int, recordings: int, absent: str) -> str:
+    """Warning of readings whose files are gone, `absent` being why all of them are; empty if there are none."""
+    words = f"{gone:,} of {recordings:,} recordings: the file is gone, and the reading is kept (column `file_gone`)"
+    return f"{f'{absent} ' if absent else ''}{words}; --forget-missing leaves them out." if gone else ""
+
+
+def _failure(rows: Sequence[VehicleRow], share: float, *, trends: bool) -> str:
+    """Why a run has failed, in sentences: too many recordings without a result, or vehicles without a reading."""
+    recordings = sum(row.recordings for row in rows)
+    failed = recordings - sum(row.has_result for row in rows)
+    without = [row.name for row in rows if not (row.counted if trends else row.has_result)]
+    sentences = []
+    if failed > share * recordings:
+        sentences.append(f"{failed:,} of {recordings:,} recordings failed, more than --fail-share {share:g} allows")
+    if without:
+        what = f"{len(without):,} vehicles have" if len(without) > 1 else "1 vehicle has"
+        sentences.append(f"{what} no reading ({listed_names(without, 3)})")
+    return f"{', and '.join(sentences)}: column `message` of {RESULTS} says why." if sentences else ""
+
+
+class _WearTables(NamedTuple):
+    """Load against wear by name of a vehicle or type; the table `of_all` is beside the one calibration of all."""
+
+    by_name: Mapping[str, WearTable]
+    of_all: WearTable | None = None
+
+    def of(self, job: RecordingJob) -> WearTable | None:
+        """That of the vehicle, else of its type."""
+        return self.by_name.get(job.vehicle) or self.by_name.get(job.type) or self.of_all
+
+    def unused(self, rows: Sequence[VehicleRow]) -> str:
+        """Warning of tables that belong to no vehicle and no type."""
+        names = sorted({*self.by_name} - {row.name for row in rows} - {row.type for row in rows})
+        files = listed_names((f"{name}{_WEAR}" for name in names), 3)
+        return f"{files}: no vehicle and no type has that name, so that it is not used." if names else ""
+
+
+#: End of the name of a table of wear, beside the calibration of its vehicle or type.
+_WEAR = ".wear.csv"
+
+
+def _wear_tables(start: Path) -> _WearTables:
+    """The tables of wear beside calibrations."""
+    if start.is_dir():
+        return _WearTables({name: read_wear_table(path) for name, path in by_own_name(start, _WEAR).items()})
+    path = start.with_suffix(_WEAR)
+    return _WearTables({}, read_wear_table(path) if path.is_file() else None)

@@ -5,7 +5,7 @@
 items between them. `serving` runs in a worker, `frames` are the messages between both sides.
 """
 
-from clutchid.processes.pool import FinishedWork, LostWork, Pool, check_workers, results
+from clutchid.processes.pool import FinishedWork, LostWork, Pool, Timing, check_workers, results
 from clutchid.processes.worker import Limits, Worker, WorkerEnd
 
-__all__ = ["FinishedWork", "Limits", "LostWork", "Pool", "Worker", "WorkerEnd", "check_workers", "results"]
+__all__ = ["FinishedWork", "Limits", "LostWork", "Pool", "Timing", "Worker", "WorkerEnd", "check_workers", "results"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import platform
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -38,13 +39,37 @@ class LostWork(NamedTuple):
     message: str
 
 
+class Timing(NamedTuple):
+    """Cost of a piece of work, and where it was done; empty where it was not done.
+
+    Attributes
+    ----------
+    wall, processor : s
+        Time that passed, and that of the processor for its worker process; the latter is not known of lost work.
+    host, worker
+        Name of the machine, and number of the worker process.
+    attempt
+        How many times it was begun.
+    """
+
+    wall: float = float("nan")
+    processor: float = float("nan")
+    host: str | None = None
+    worker: int | None = None
+    attempt: int = 0
+
+
+#: Timing of work that was not done.
+_NOT_DONE = Timing()
+
+
 @dataclass(frozen=True, slots=True)
 class FinishedWork(Generic[_Item, _Result]):
-    """An item with its result, or how it was lost, and the time in s that it took."""
+    """An item with its result, or how it was lost, and what that cost."""
 
     item: _Item
     result: _Result | LostWork
-    seconds: float
+    timing: Timing = _NOT_DONE
 
 
 class Pool:
@@ -73,10 +98,11 @@ class Pool:
         """
         begin = time.perf_counter()
         try:
-            result = self._done(work, item)
+            result, timing = self._done(work, item)
         except OSError as error:  # as on a full disk
             result = LostWork("killed", f"no worker could be started ({error.strerror or type(error).__name__}).")
-        return FinishedWork(item, result, time.perf_counter() - begin)
+            timing = _NOT_DONE
+        return FinishedWork(item, result, timing._replace(wall=time.perf_counter() - begin, host=platform.node()))
 
     def rest(self) -> None:
         """End idle workers."""
@@ -93,23 +119,25 @@ class Pool:
         for worker in workers:
             worker.end()
 
-    def _done(self, work: Callable[[_Item], _Result], item: _Item) -> _Result | LostWork:
+    def _done(self, work: Callable[[_Item], _Result], item: _Item) -> tuple[_Result | LostWork, Timing]:
         question = [pickle.dumps((work, item), protocol=5)]
-        lost = LostWork("killed", "the workers were ended before.")
+        lost, timing = LostWork("killed", "the workers were ended before."), _NOT_DONE
         for attempt in range(_ATTEMPTS):
             worker, is_new = self._worker(new=attempt > 0)
             if self._ended:
                 worker.end()
-                return lost
+                break
+            timing = Timing(worker=worker.pid, attempt=attempt + 1)
             answer = worker.ask(question, self._limits)
             with self._lock:
                 (self._workers.discard if isinstance(answer, WorkerEnd) else self._idle.append)(worker)
             if not isinstance(answer, WorkerEnd):
-                return cast("_Result | LostWork", _result(*pickle.loads(answer[0])))
+                kind, content, processor = pickle.loads(answer[0])
+                return cast("_Result | LostWork", _result(kind, content)), timing._replace(processor=processor)
             lost = _lost(answer, self._limits)
             if answer.why == "time" or (answer.why == "memory" and is_new):
                 break
-        return lost
+        return lost, timing
 
     def _worker(self, *, new: bool) -> tuple[Worker, bool]:
         """An idle worker, or a new one; and whether it is new."""

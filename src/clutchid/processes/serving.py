@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import sys
+import time
 from collections.abc import Callable
 from importlib import import_module
 from typing import IO, NamedTuple
@@ -57,12 +58,17 @@ def work_service() -> Service:
 
 
 def _worked(question: MessageParts) -> MessageParts:
-    """The answer to pickled work; both sides are this program, so that pickle carries no foreign data."""
+    """The answer to pickled work, with the time of the processor in s that it took.
+
+    Both sides are this program, so that pickle carries no foreign data.
+    """
     work, item = pickle.loads(question[0])
+    begin = time.process_time()
+    answer: tuple[str, object]
     try:
         answer = ("result", work(item))
     except ClutchidError as error:
         answer = ("error", error)
     except Exception as error:
         answer = ("unexpected", f"{type(error).__name__}: {error}")
-    return [pickle.dumps(answer, protocol=5)]
+    return [pickle.dumps((*answer, time.process_time() - begin), protocol=5)]

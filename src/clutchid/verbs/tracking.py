@@ -18,6 +18,7 @@ from clutchid.documents.results import WornClutch
 from clutchid.errors import DataError
 from clutchid.files import not_an_address, write_frame
 from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.log import FloatArray
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.processes import check_workers
@@ -195,7 +196,7 @@ def track(
             progress(len(by_path), len(files))
     absent = [job for job in jobs if not job.path and job.vehicle == vehicle]
     readings = [*counted_once((as_text(path.name), by_path[path]) for job in files if (path := job.path))]
-    readings += [WearReading("bad_input", job.problem) for job in absent]
+    readings += [WearReading("bad_input", job.problem, apart=True) for job in absent]
     warnings = () if rows else _several_folders([job.path for job in files if job.path])
     return WornClutch(wear_of(vehicle, [*files, *absent], readings, limits, warnings), beside)
 
@@ -213,53 +214,65 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def table_of(wear: Wear) -> pl.DataFrame:
-    """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all."""
+    """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all.
+
+    Files without a place in the life come last. What is not known is null.
+    """
     import polars as pl
 
-    nothing = float("nan")
-    measured = [reading.measurement for reading in wear.readings]
+    nothing, rows = float("nan"), wear.rows
+    jobs, readings = [row.job for row in rows], [row.reading for row in rows]
+    measured, beyond = [reading.measurement for reading in readings], len(wear.apart)
     columns: dict[str, object] = {
-        "recording": [job.recording for job in wear.dated],
-        "vehicle": [wear.vehicle] * len(wear.dated),
-        "begin": [job.begin.isoformat() if job.begin else None for job in wear.dated],
-        "odometer [km]": [job.odometer for job in wear.dated],
-        "strokes [1]": [job.strokes for job in wear.dated],
-        "status": [reading.status for reading in wear.readings],
-        "message": [reading.message for reading in wear.readings],
-        "trust": [reading.trust for reading in wear.readings],
-        "outcome": list(wear.outcomes),
-        "reason": list(wear.reasons),
-        "warnings": [" ".join(job.warnings) for job in wear.dated],
-        "alarm": [", ".join(a.kind for a in wear.alarms if a.before == job.recording) or None for job in wear.dated],
-        "half_load [m]": [reading.half_load[0] for reading in wear.readings],
-        "half_load low [m]": [reading.half_load[1] for reading in wear.readings],
-        "half_load high [m]": [reading.half_load[2] for reading in wear.readings],
+        "recording": [job.recording for job in jobs],
+        "vehicle": [wear.vehicle] * len(rows),
+        "begin": [job.begin.isoformat() if job.begin else None for job in jobs],
+        "odometer [km]": [job.odometer for job in jobs],
+        "strokes [1]": [job.strokes for job in jobs],
+        "status": [reading.status for reading in readings],
+        "message": [reading.message for reading in readings],
+        "trust": [reading.trust for reading in readings],
+        "outcome": [row.outcome for row in rows],
+        "reason": [row.reason for row in rows],
+        "warnings": [" ".join(job.warnings) for job in jobs],
+        "alarm": pl.Series(
+            [", ".join(a.kind for a in wear.alarms if a.before == job.recording) or None for job in jobs],
+            dtype=pl.String,
+        ),
+        "half_load [m]": [reading.half_load[0] for reading in readings],
+        "half_load low [m]": [reading.half_load[1] for reading in readings],
+        "half_load high [m]": [reading.half_load[2] for reading in readings],
         "shift measured [m]": [values.shift if values else nothing for values in measured],
         "shift measured std [m]": [values.shift_std if values else nothing for values in measured],
         "load measured [1]": [values.load if values else nothing for values in measured],
         "load measured std [1]": [values.load_std if values else nothing for values in measured],
         "temperature_ambient [K]": [values.temperature if values else nothing for values in measured],
-        "changes": [", ".join(reading.changes) for reading in wear.readings],
-        "leak [m³/(Pa·s)]": [reading.leak.conductance if reading.leak else 0.0 for reading in wear.readings],
-        "leak probability [1]": [reading.leak.probability if reading.leak else 0.0 for reading in wear.readings],
-        "rest shift [m]": [reading.rest.value if reading.rest else nothing for reading in wear.readings],
-        "rest shift low [m]": [reading.rest.low if reading.rest else nothing for reading in wear.readings],
-        "rest shift high [m]": [reading.rest.high if reading.rest else nothing for reading in wear.readings],
-        "rest cause": [rest.cause for rest in wear.rests],
-        "sha256": [reading.sha256 for reading in wear.readings],
-        "axis": [wear.axis] * len(wear.dated),
-        "along": wear.s,
-        "limit [m]": [nothing if wear.limit is None else wear.limit] * len(wear.dated),
+        "changes": [", ".join(reading.changes) for reading in readings],
+        "leak [m³/(Pa·s)]": [reading.leak.conductance if reading.leak else 0.0 for reading in readings],
+        "leak probability [1]": [reading.leak.probability if reading.leak else 0.0 for reading in readings],
+        "rest shift [m]": [reading.rest.value if reading.rest else nothing for reading in readings],
+        "rest shift low [m]": [reading.rest.low if reading.rest else nothing for reading in readings],
+        "rest shift high [m]": [reading.rest.high if reading.rest else nothing for reading in readings],
+        "rest cause": [*(rest.cause for rest in wear.rests), *[""] * beyond],
+        "sha256": [reading.sha256 for reading in readings],
+        "axis": [wear.axis] * len(rows),
+        "along": _beyond(wear.s, beyond),
+        "limit [m]": [nothing if wear.limit is None else wear.limit] * len(rows),
         **_forecast(wear),
     }
     units = {"shift": "m", "wear": "m", "load": "1"}
     for when, bands in (("", wear.then), (" smoothed", wear.now)):
         for name, band in bands.items():
             columns |= {
-                f"{name}{when}{part} [{units[name]}]": values
+                f"{name}{when}{part} [{units[name]}]": _beyond(values, beyond)
                 for part, values in (("", band.value), (" low", band.low), (" high", band.high))
             }
-    return pl.DataFrame(columns)
+    return pl.DataFrame(columns).fill_nan(None)
+
+
+def _beyond(values: FloatArray, count: int) -> FloatArray:
+    """Values of the recordings of a life, and none for as many files without a place in it."""
+    return np.append(values, np.full(count, np.nan))
 
 
 def _forecast(wear: Wear) -> dict[str, pl.Series]:
@@ -267,9 +280,12 @@ def _forecast(wear: Wear) -> dict[str, pl.Series]:
     import polars as pl
 
     sides = (None,) * 3 if wear.left is None else (wear.left.median, wear.left.low, wear.left.high)
-    before = [None] * (len(wear.dated) - 1)
+    last, count = len(wear.dated) - 1, len(wear.dated) + len(wear.apart)
     names = ("left", "left low", "left high")
-    return {name: pl.Series([*before, side], dtype=pl.Float64) for name, side in zip(names, sides, strict=True)}
+    return {
+        name: pl.Series([side if k == last else None for k in range(count)], dtype=pl.Float64)
+        for name, side in zip(names, sides, strict=True)
+    }
 
 
 def load_frame(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
@@ -294,5 +310,6 @@ def write_tracked(tracked: WornClutch, out: Path) -> None:
     """
     wear = tracked.wear
     write_frame(table_of(wear), out)
-    names = [job.recording for job in wear.dated]
-    write_frame(load_frame({"recording": names}, [reading.curve for reading in wear.readings]), loads_path(out))
+    rows = wear.rows
+    curves = [row.reading.curve for row in rows]
+    write_frame(load_frame({"recording": [row.job.recording for row in rows]}, curves), loads_path(out))

@@ -12,7 +12,7 @@ import numpy as np
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.estimation.assess.comparison import comparison, half_load_band, measured
-from clutchid.estimation.assess.reasons import departs
+from clutchid.estimation.assess.reasons import departs, reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
 from clutchid.files import digest
@@ -54,6 +54,7 @@ def read_recording(reading: Reading, verb: str, job: RecordingJob) -> WearReadin
 
 def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
     clock = checksum = ""
+    apart = True  # until it is a recording of an actuator
     try:
         checksum = digest(path)
         content = _calibration(start, digest(start))
@@ -61,11 +62,12 @@ def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
             (log,) = reading.read(content.actuator)
         except NoFramesError:  # the DBC is that of other recordings of the fleet
             (log,) = replace(reading, dbc=()).read(content.actuator)
-        clock = str(log.metadata.get("start", ""))
+        clock, apart = str(log.metadata.get("start", "")), False
         read = (_observed if verb == "observe" else _fitted)(log, content, reading.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
-        return WearReading(status, _alone(str(error)), clock=clock, sha256=checksum)
+        apart = apart and status == "bad_input"  # what cannot be opened here may be a recording all the same
+        return WearReading(status, _alone(str(error)), clock=clock, sha256=checksum, apart=apart)
     except Exception as error:  # a fleet goes on
         sentence = f"an error that clutchid did not expect, {type(error).__name__}: {error}."
         return WearReading("failed", sentence, clock=clock, sha256=checksum)
@@ -90,7 +92,7 @@ def counted_once(named: Iterable[tuple[str, WearReading]]) -> Iterator[WearReadi
         checksum = read.sha256 if read.has_result else ""
         if checksum in first:
             sentence = f"the same recording as {first[checksum]}; it counts once."
-            yield read._replace(status="warning", message=sentence, measurement=None, reason=sentence)
+            yield read._replace(status="warning", message=sentence, measurement=None, reason=sentence, apart=True)
             continue
         if checksum:
             first[checksum] = name
@@ -112,8 +114,9 @@ def _fitted(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
     judged, compared = verdict(fit), comparison(fit)
     half, trust = compared.half_now if compared else NO_HALF_LOAD, judged.trust
     message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
-    status = "warning" if fit.warnings or trust != "good" else "ok"
-    # a load that is only uncertain counts in the trend by its band
+    # a load that is only uncertain counts in the trend by its band, which is no reason to warn
+    doubtful = any(reason.grave or not reason.banded for reason in reasons(fit))
+    status = "warning" if fit.warnings or doubtful else "ok"
     reason = unmeasured(fit)
     measurement = None if reason else measured(fit, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))

@@ -156,10 +156,10 @@ def alarms(
         ("leak", leaks, LEAKS),
         ("departed", [reading.departs for reading in readings], DEPARTED),
     ):
-        for k in _begins(flags, [reading.has_result for reading in readings], least):
+        for k in _begins(flags, least):
             leak = readings[k].leak
             size = leak.conductance if kind == "leak" and leak else 0.0
-            after = next((dated[j].recording for j in range(k - 1, -1, -1) if readings[j].has_result), "")
+            after = dated[k - 1].recording if k else ""
             numbered.append((k, Alarm(after, dated[k].recording, dated[k].begin, kind, 0.0, 0.0, size)))
     for k, (job, rest) in enumerate(zip(dated, rests, strict=True)):
         if rest.sudden:
@@ -181,12 +181,10 @@ def _change(dated: Sequence[RecordingJob], verdicts: Sequence[TrendOutcome], the
     return Alarm(dated[earlier].recording, dated[k].recording, dated[k].begin, kind, shift, load, probability=share)
 
 
-def _begins(flags: Sequence[bool], read: Sequence[bool], least: int) -> list[int]:
-    """Starts of `least` successive read recordings with the flag, after as many without it or from the first."""
+def _begins(flags: Sequence[bool], least: int) -> list[int]:
+    """Starts of `least` successive recordings with the flag, after as many without it or from the first."""
     starts, candidate, count, active = [], 0, 0, False
     for k, flag in enumerate(flags):
-        if not read[k]:
-            continue
         if flag == active:
             count = 0
             continue

@@ -81,9 +81,13 @@ class RecordingJob:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """Recordings in order: `order` are their indices, `s` where they are on the axis, `warnings` what contradicts."""
+    """Recordings in order: `order` are their indices, `s` where they are on the axis, `warnings` what contradicts.
+
+    `apart` are the indices of the files without a place in it.
+    """
 
     order: tuple[int, ...]
+    apart: tuple[int, ...]
     dated: tuple[RecordingJob, ...]
     axis: Axis
     s: FloatArray
@@ -93,7 +97,8 @@ class History:
 def arranged(jobs: Sequence[RecordingJob], readings: Sequence[WearReading]) -> History:
     """The order of recordings by their own clock, else the table, else a date in their name, else their name.
 
-    Where all have strokes, these are the axis of the trend, else km, else days, else their number.
+    Where all have strokes, these are the axis of the trend, else km, else days, else their number. A file without a
+    reading has no place: what it lacks, or has in its name by chance, says nothing about the life of the clutch.
 
     Parameters
     ----------
@@ -101,16 +106,20 @@ def arranged(jobs: Sequence[RecordingJob], readings: Sequence[WearReading]) -> H
         Each recording as a table has it, and what its reading gave, which has the start time in its file (ISO 8601).
     """
     dated = [_dated(job, reading.clock) for job, reading in zip(jobs, readings, strict=True)]
-    warnings = [f"{job.recording}: {sentence}" for job in dated for sentence in job.warnings]
-    missing = [job.recording for job in dated if job.begin is None]
-    if 0 < len(missing) < len(dated):
-        warnings.append(f"{listed(missing, 3)}: {_NO_TIME}")
-        dated = [job if job.begin else replace(job, warnings=(*job.warnings, _NO_TIME)) for job in dated]
-    if len(missing) == len(dated) > 1:
+    everything = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
+    order, apart = (tuple(i for i in everything if readings[i].has_place is has) for has in (True, False))
+    for i in apart:
+        dated[i] = replace(dated[i], warnings=())
+    warnings = [f"{dated[i].recording}: {sentence}" for i in sorted(order) for sentence in dated[i].warnings]
+    missing = [i for i in sorted(order) if dated[i].begin is None]
+    if 0 < len(missing) < len(order):
+        warnings.append(f"{listed([dated[i].recording for i in missing], 3)}: {_NO_TIME}")
+        for i in missing:
+            dated[i] = replace(dated[i], warnings=(*dated[i].warnings, _NO_TIME))
+    if len(missing) == len(order) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
-    order = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
     axis, s = _axis([dated[i] for i in order], warnings)
-    return History(tuple(order), tuple(dated), axis, s, tuple(warnings))
+    return History(order, apart, tuple(dated), axis, s, tuple(warnings))
 
 
 def _dated(job: RecordingJob, clock: str) -> RecordingJob:
@@ -171,7 +180,7 @@ def _axis(dated: Sequence[RecordingJob], warnings: list[str]) -> tuple[Axis, Flo
             where = [dated[i + 1].recording for i in back]
             warnings.append(f"{name} goes back at {listed(where, 3)}, and is not used for the trend.")
             continue
-        if values.size == 1 or values[-1] > values[0]:
+        if values.size == 1 or (values.size and values[-1] > values[0]):
             return axis, values - (values[0] if axis == "days" else 0.0)
     return "recordings", np.arange(len(dated), dtype=np.float64)
 
@@ -225,6 +234,8 @@ class WearReading(NamedTuple):
         Since the calibration, one sentence each.
     curve : N over m
         The load; None without one.
+    apart
+        Whether the file is in no count of its vehicle: it is no recording of an actuator, or a copy of another one.
     """
 
     status: str
@@ -240,6 +251,12 @@ class WearReading(NamedTuple):
     half_load: HalfLoad = NO_HALF_LOAD
     changes: tuple[str, ...] = ()
     curve: LoadCurve | None = None
+    apart: bool = False
+
+    @property
+    def has_place(self) -> bool:
+        """Whether it has a place in the life of its vehicle."""
+        return self.has_result and not self.apart
 
     @property
     def has_result(self) -> bool:

@@ -106,6 +106,18 @@ _WAITS = "outlier: the trend does not expect it, and the next recordings will sa
 _ALONE = "outlier: the trend does not expect it, and the next recordings fit the trend without it."
 
 
+class LifeRow(NamedTuple):
+    """A file of a vehicle, its reading, its outcome in the trend, and the reason in a sentence why it does not count.
+
+    The reason is empty where it counts.
+    """
+
+    job: RecordingJob
+    reading: WearReading
+    outcome: str
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Wear:
     """The wear of one clutch over its recordings, in order.
@@ -142,6 +154,8 @@ class Wear:
         What contradicts in the recordings and the table, one sentence each.
     rests
         Moves of the vented rest, a row a recording.
+    apart
+        The files without a place in this life, each with the reason: those that could not be read, and copies.
     end_of_table : m
         Wear beyond which the table says nothing, and where it is cut off; None without a table.
     waiting
@@ -170,8 +184,14 @@ class Wear:
     left: Remaining | None
     warnings: tuple[str, ...]
     rests: tuple[RestMove, ...] = ()
+    apart: tuple[tuple[RecordingJob, WearReading], ...] = ()
     end_of_table: float | None = None
     waiting: frozenset[int] = frozenset()
+
+    @property
+    def recordings(self) -> int:
+        """Number of recordings of the vehicle, with those that could not be read, without copies and other files."""
+        return len(self.dated) + sum(not reading.apart for _, reading in self.apart)
 
     @property
     def sudden(self) -> Alarm | None:
@@ -211,12 +231,14 @@ class Wear:
         return [(job.recording, reading.curve) for job, reading, counts in rows if reading.curve and counts]
 
     @property
-    def reasons(self) -> tuple[str, ...]:
-        """Reason why each recording does not count in the trend, in a sentence; empty where it counts."""
-        return tuple(
+    def rows(self) -> list[LifeRow]:
+        """The recordings in their order, and behind them the files without a place in it."""
+        reasons = (
             "" if counts else reading.unmeasured or (_WAITS if k in self.waiting else _ALONE)
             for k, (reading, counts) in enumerate(zip(self.readings, self.counted, strict=True))
         )
+        placed = map(LifeRow, self.dated, self.readings, self.outcomes, reasons)
+        return [*placed, *(LifeRow(job, reading, "missing", reading.unmeasured) for job, reading in self.apart)]
 
 
 class LifeLimits(NamedTuple):
@@ -248,6 +270,7 @@ def wear_of(
     history, (limit, table) = arranged(jobs, readings), limits
     ordered = [readings[i] for i in history.order]
     dated = tuple(history.dated[i] for i in history.order)
+    apart = tuple((history.dated[i], readings[i]) for i in history.apart)
     life = LIFE[history.axis]
     model = trend_model(life, table)
     paths = traced(model, history.s, [reading.measurement for reading in ordered])
@@ -266,7 +289,7 @@ def wear_of(
     wear = Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), outcomes, then,
         _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, results, then, moves),
-        limit if table is None else end, None, (*warnings, *history.warnings), tuple(moves),
+        limit if table is None else end, None, (*warnings, *history.warnings), tuple(moves), apart,
         None if table is None else float(table.wear[-1]), frozenset(waiting),
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
@@ -307,7 +330,7 @@ def _bands(
     """Shift and load, and with a table the wear up to its end, over the recordings of all paths."""
     names = (*(("wear",) if table is not None else ()), *CHANNELS)
     over = [_mixed(shares, [_quantities(model, *state) for state in states]) for states in zip(*paths, strict=True)]
-    bands = dict(zip(names, _band_of(over), strict=True))
+    bands = _band_of(over, names)
     if table is not None:
         bands["wear"] = Band(*(np.minimum(side, table.wear[-1]) for side in _worn(bands["wear"])))
     return bands
@@ -326,14 +349,14 @@ def _rates(model: TrendModel, shares: FloatArray, paths: Sequence[Sequence[Momen
     over = [
         _mixed(shares, [(mean[rates], P[rates, rates]) for mean, P in states]) for states in zip(*paths, strict=True)
     ]
-    return dict(zip(model.quantities, _band_of(over), strict=True))
+    return _band_of(over, model.quantities)
 
 
-def _band_of(states: Sequence[Moments]) -> list[Band]:
-    """A band for each element of the states."""
-    values = np.array([mean for mean, _ in states])
-    half = QUANTILE * np.sqrt(np.array([np.diag(P) for _, P in states]))
-    return [Band(value, value - side, value + side) for value, side in zip(values.T, half.T, strict=True)]
+def _band_of(states: Sequence[Moments], names: Sequence[str]) -> dict[str, Band]:
+    """A band for each element of the states, by its name."""
+    values = np.array([mean for mean, _ in states]).reshape(-1, len(names)).T
+    half = QUANTILE * np.sqrt(np.array([np.diag(P) for _, P in states])).reshape(-1, len(names)).T
+    return {n: Band(value, value - side, value + side) for n, value, side in zip(names, values, half, strict=True)}
 
 
 def _quantities(model: TrendModel, mean: FloatArray, P: FloatArray) -> Moments:

@@ -50,15 +50,15 @@ def read_table(path: Path) -> dict[str, RecordingJob]:
     return _by(path, lambda row: row.recording)
 
 
-def read_fleet_table(path: Path) -> dict[tuple[str, str], RecordingJob]:
-    """The table of the recordings of many vehicles, by vehicle and stem.
+def read_fleet_table(path: Path) -> dict[tuple[str, str, str], RecordingJob]:
+    """The table of the recordings of many vehicles, by vehicle, type and stem.
 
     Raises
     ------
     DataError
         As `read_table`.
     """
-    return _by(path, lambda row: (row.vehicle, row.recording))
+    return _by(path, lambda row: (row.vehicle, row.type, row.recording))
 
 
 def _by(path: Path, key: Callable[[RecordingJob], Key]) -> dict[Key, RecordingJob]:

@@ -138,8 +138,8 @@ class Band(NamedTuple):
 
     @property
     def last(self) -> Interval:
-        """The quantity at the last recording."""
-        return Interval(*(float(side[-1]) for side in self))
+        """The quantity at the last recording; unknown without one."""
+        return Interval(*(float(side[-1]) if side.size else float("nan") for side in self))
 
 
 class WearTable(NamedTuple):
@@ -288,7 +288,7 @@ def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Co
 
 def smoothed_states(steps: Sequence[TrendStep]) -> list[tuple[FloatArray, FloatArray]]:
     """Mean and covariance of every step given all recordings (Rauch, Tung and Striebel)."""
-    moments = [(steps[-1].mean, steps[-1].covariance)]
+    moments = [(step.mean, step.covariance) for step in steps[-1:]]
     for now, then in zip(steps[-2::-1], steps[:0:-1], strict=True):
         gain = np.linalg.solve(then.predicted_covariance, then.transition @ now.covariance).T
         mean, covariance = moments[-1]

@@ -134,9 +134,10 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
             text = f"{change.recording}: chamber A or its connections leak {what} ({change.after:.1e} "
             yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): repair the leak and record again.", too_much)
     if not error <= GOOD_ERROR:
-        text = f"the expected error of the load is {error:.1f} % of its peak, more than {GOOD_ERROR:g} %: what has "
-        text += "changed is too uncertain. Record the supply pressure, record longer, or state what you know with "
-        text += "--prior."
+        text = f"the standard deviation of the load is {error:.1f} % of its peak, a good one has at most "
+        text += f"{GOOD_ERROR:g} %: the recording does not determine all that may have changed since the calibration. "
+        text += "The interval includes this. To narrow it, record the supply pressure or record longer, or give what "
+        text += "is known with --prior."
         yield Reason(text, error > POOR_ERROR, banded=True)
 
 
