@@ -17,7 +17,7 @@ FLAGS: Mapping[str, str] = MappingProxyType({
     "time_missing": "samples are missing in time",
     "outlier": "the innovation is beyond 4 standard deviations, and counts less",
     "diverged": "the filter left what is possible, and was started again",
-    "leak": "chamber A, or what is connected to it, leaks",
+    "leak": "chamber A or its connections leak",
     "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
