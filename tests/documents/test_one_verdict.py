@@ -101,7 +101,7 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
     fit = two_states(fitted)
     places = shown(fit)
     assert not any("valves changed" in text for text in places.values())
-    assert "the difference between them was explained by valves: that is no change" in places["page"]
+    assert "the difference went into valves: that is no change of the actuator" in places["page"]
     states_of_wear = fit_json(fit)["states_of_wear"]
     assert states_of_wear["groups"] == [["new"], ["worn"]]
     assert states_of_wear["recordings"] == ["new", "worn"]

@@ -245,7 +245,7 @@ void meanwhile(void)
     barriers += 1;
     if (barriers == 2) { /* all but the checksum is written */
         self.strokes += 1u;
-        self.mismatch.kept = 2.0;
+        self.mismatch.stored = 2.0;
         self.zero = 1e-4;
         self.rest.shift = 1e-4;
         self.sound.theta[0] = 0.25;

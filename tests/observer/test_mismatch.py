@@ -219,7 +219,7 @@ def strokes_of(mismatch, *strokes):
         RULE.count_innovations(mismatch, np.full(100, ratio), 1.0, np.empty(100))
         RULE.note_faults(mismatch, flags)
         RULE.end_of_stroke(mismatch)
-        yield mismatch.running, mismatch.kept
+        yield mismatch.running, mismatch.stored
 
 
 def test_the_mismatch_of_a_fault_is_not_kept_and_heals_with_two_strokes_without_one():
@@ -235,11 +235,11 @@ def test_the_mismatch_of_a_fault_is_not_kept_and_heals_with_two_strokes_without_
 
 def test_a_mismatch_without_a_fault_stays_and_one_beside_faults_in_every_stroke_too():
     fault = 1 << [*FLAGS].index("position_missing")
-    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, 0)] * 4)
-    assert mean == kept > 1.6
-    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, fault)] * 4)
+    *_, (mean, stored) = strokes_of(mismatch_from(1.0), *[(3.0, 0)] * 4)
+    assert mean == stored > 1.6
+    *_, (mean, stored) = strokes_of(mismatch_from(1.0), *[(3.0, fault)] * 4)
     assert mean > 1.6
-    assert kept == 1.0
+    assert stored == 1.0
     outlier = 1 << [*FLAGS].index("outlier")
-    *_, (mean, kept) = strokes_of(mismatch_from(1.0), *[(3.0, outlier)] * 4)
-    assert mean == kept > 1.6, "an outlier is no fault of a signal"
+    *_, (mean, stored) = strokes_of(mismatch_from(1.0), *[(3.0, outlier)] * 4)
+    assert mean == stored > 1.6, "an outlier is no fault of a signal"

@@ -86,7 +86,7 @@ def data_of(observer: Observer, state: ObserverState) -> dict[str, Any]:
         "G": state.G[:, 0].tolist() if state.G.size else [],
         "strokes": state.strokes,
         "zero": 2 if state.unzeroed else int(state.jumped),
-        "mismatch": state.nis.kept,
+        "mismatch": state.nis.stored,
         "shift": state.rest_shift,
         "flagged": [FLAGGED.get(flag, (np.inf, np.inf)) for flag in FLAGS],
         "flags": FLAGS,

@@ -118,7 +118,7 @@ def begun(observer: Observer, saved: ObserverState) -> ObserverState:
     shift = saved.zero if observer.zero == "subtract" else saved.rest_shift
     intake = record_copy(fresh.inputs.intake, jumped=saved.jumped, unzeroed=saved.unzeroed)
     fresh = fresh._replace(
-        **sound._asdict(), sound=sound, strokes=saved.strokes, nis=mismatch_from(saved.nis.kept), zero=saved.zero,
+        **sound._asdict(), sound=sound, strokes=saved.strokes, nis=mismatch_from(saved.nis.stored), zero=saved.zero,
         inputs=fresh.inputs._replace(intake=intake, rest=record_copy(fresh.inputs.rest, shift=shift)),
     )  # fmt: skip
     return fresh._replace(leaking=observer.leaks(fresh))

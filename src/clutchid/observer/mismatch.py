@@ -36,7 +36,7 @@ class Mismatch:
     ----------
     running
         Of all strokes.
-    sound, kept
+    sound, stored
         Without strokes with a fault of the signals: at present, and at the end of the last such stroke.
     faulty, strokes
         1 after a fault in the present stroke, and how many have ended without one since.
@@ -44,14 +44,14 @@ class Mismatch:
 
     running: float
     sound: float
-    kept: float
+    stored: float
     faulty: int
     strokes: float
 
 
 def mismatch_from(mean: float) -> Mismatch:
     """The means from one of strokes without a fault."""
-    return new_record(Mismatch, running=mean, sound=mean, kept=mean, strokes=HEALED)
+    return new_record(Mismatch, running=mean, sound=mean, stored=mean, strokes=HEALED)
 
 
 def normalised(observer: Observer, states: FloatArray, innovations: FloatArray) -> FloatArray:

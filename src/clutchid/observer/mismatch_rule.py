@@ -36,9 +36,9 @@ def note_faults(mismatch: Mismatch, flags: Count) -> None:
 def end_of_stroke(mismatch: Mismatch) -> None:
     """Keep the mean of strokes without a fault; some of them after one it is the mean again."""
     if mismatch.faulty == 1:
-        mismatch.sound, mismatch.strokes = mismatch.kept, 0.0
+        mismatch.sound, mismatch.strokes = mismatch.stored, 0.0
     else:
-        mismatch.kept = mismatch.sound
+        mismatch.stored = mismatch.sound
         mismatch.strokes = min(mismatch.strokes + 1.0, HEALED)
         if mismatch.strokes >= HEALED:
             mismatch.running = mismatch.sound

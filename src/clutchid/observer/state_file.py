@@ -230,7 +230,7 @@ def _problems(state: ObserverState) -> Iterator[str]:
         "more of a vented rest is remembered than can be":
             rest.n_returned > REMEMBERED or rest.n_bin >= windows[0].size or rest.n_medians >= windows[1].size,
         f"mismatch {state.mismatch:g} is not of at least 0":
-            not all(0.0 <= mean < np.inf for mean in (state.nis.running, state.nis.sound, state.nis.kept)),
+            not all(0.0 <= mean < np.inf for mean in (state.nis.running, state.nis.sound, state.nis.stored)),
         f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
             not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
