@@ -49,11 +49,14 @@ LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
 #: Flags of a correction, which are of all samples since the last one.
 BY_CORRECTION = ("outlier", "unlike_calibration")
 
+#: The bit of each flag.
+BITS: Mapping[str, int] = MappingProxyType({name: 1 << place for place, name in enumerate(FLAGS)})
+
 #: Bits of the flags that show before a filter takes the sample, by their place in `FLAGS`.
 (POSITION_MISSING, POSITION_BEYOND_STOPS, DUTY_MISSING, TIME_MISSING, REST_MOVED, SUPPLY_UNLIKE, POSITION_NONE,
  POSITION_JUMPS, ZERO_UNKNOWN, REPEATED_SAMPLES, REPEATED_TIME, AIR_REFUSED, AIR_LOST, TRAVEL_UNLIKE,
  MOVES_CLOSED, SUPPLY_LOST) = (
-    1 << [*FLAGS].index(name) for name in (
+    BITS[name] for name in (
         "position_missing", "position_beyond_stops", "duty_missing", "time_missing", "rest_moved", "supply_unlike",
         "position_none", "position_jumps", "zero_unknown", "repeated_samples", "repeated", "air_refused", "air_lost",
         "travel_unlike", "moves_closed", "supply_lost",
@@ -62,7 +65,7 @@ BY_CORRECTION = ("outlier", "unlike_calibration")
 
 #: Bits of the faults of the signals: innovations beside them say nothing of the calibration.
 SIGNAL_FAULTS = sum(
-    1 << [*FLAGS].index(name) for name in (
+    BITS[name] for name in (
         "position_missing", "position_beyond_stops", "duty_missing", "time_missing", "diverged", "contradiction",
         "supply_unlike", "position_none", "position_jumps", "zero_unknown", "repeated_samples", "moves_closed",
     )

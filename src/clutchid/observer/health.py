@@ -12,7 +12,7 @@ from clutchid.codegen.records import record_copy
 from clutchid.log import HOLE, INPUTS, BoolArray, FloatArray, IntArray, Log
 from clutchid.observer import flags
 from clutchid.observer.configuration import Observer
-from clutchid.observer.flags import BY_CORRECTION, FADES, FLAGS, LIVE_FLAGS, Faults
+from clutchid.observer.flags import BITS, BY_CORRECTION, FADES, FLAGS, LIVE_FLAGS, Faults
 from clutchid.observer.following import Observed
 from clutchid.observer.mismatch import MISMATCHED
 
@@ -33,8 +33,7 @@ def raised(observer: Observer, log: Log, samples: Observed) -> IntArray:
         "outlier": np.abs(innovation) > observer.joint.noise.outlier * deviation,
         "unlike_calibration": samples.mismatch > MISMATCHED,
     }
-    bits = {name: 1 << bit for bit, name in enumerate(FLAGS)}
-    by_filter = [np.where(mask & single, bits[name], 0) for name, mask in by_sample.items()]
+    by_filter = [np.where(mask & single, BITS[name], 0) for name, mask in by_sample.items()]
     flagged: IntArray = np.bitwise_or.reduce([samples.flags, *by_filter])
     return flagged
 
