@@ -51,7 +51,8 @@ def main() -> None:
     parser.add_argument("--after", type=int, default=10, help="recordings before the trend is compared")
     options = parser.parse_args()
     truth = pl.read_csv(options.fleet / "truth.csv", infer_schema_length=None).rename({"vehicle": "of"})
-    wear = pl.read_parquet(options.result / "wear.parquet").join(truth, on="recording", how="left")
+    files = [path for path in (options.result / "vehicles").glob("*.parquet") if ".load." not in path.name]
+    wear = pl.concat(map(pl.read_parquet, files), how="diagonal_relaxed").join(truth, on="recording", how="left")
     late: list[FloatArray] = []
     covered: list[FloatArray] = []
     for (vehicle,), rows in wear.group_by("vehicle", maintain_order=True):

@@ -95,17 +95,18 @@ def fleet_outcome(out: Path) -> Outcome:
     """Weights from the load curves of a fleet, which are their combination of known functions."""
     if not (out / "results.parquet").exists():
         return Outcome({}, {}, 0.0)
-    results, seconds = pl.read_parquet(out / "results.parquet"), pl.read_parquet(out / "timings.parquet")["wall_s"]
+    results = pl.read_parquet(out / "recordings" / "**" / "*.parquet", hive_partitioning=True)
     failures = {
         row["recording"]: row["message"]
         for row in results.iter_rows(named=True)
         if row["status"] not in ("ok", "warning")
     }
-    curves, theta = pl.read_parquet(out / "curves" / "*.parquet"), {}
-    for (name, *_), curve in curves.partition_by("recording", as_dict=True).items():
-        phi = Load().phi(curve["position [m]"].to_numpy())
-        theta[str(name)] = np.linalg.lstsq(phi, curve["force [N]"].to_numpy(), rcond=None)[0]
-    return Outcome(theta, failures, float(seconds.sum()))
+    theta = {}
+    for row in results.filter(pl.col("force_N").is_not_null()).iter_rows(named=True):
+        theta[row["recording"]] = np.linalg.lstsq(Load().phi(np.array(row["position_m"])), row["force_N"], rcond=None)[
+            0
+        ]
+    return Outcome(theta, failures, float(results["wall_s"].sum()))
 
 
 def loop(problem: Problem, kind: str, prepare: Callable[[Problem], dict[str, object]]) -> Way:

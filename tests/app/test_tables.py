@@ -1,6 +1,7 @@
 """Results of track and fleet: what the page gets of their files, and which files it may read."""
 
 import json
+import shutil
 
 import polars as pl
 import pytest
@@ -70,7 +71,7 @@ def test_a_replaced_clutch_is_an_alarm_at_its_recording(run):
     assert [load["recording"] for load in words["loads"]] == [f"V 10 {k:02d}" for k in range(20)]
 
 
-@pytest.mark.parametrize("name", ["vehicles.parquet", "results.parquet", "wear.parquet"])
+@pytest.mark.parametrize("name", ["vehicles.parquet", "results.parquet"])
 def test_each_table_of_a_run_opens_the_same_fleet(run, name):
     words = shown(run / name)
     vehicles = words["vehicles"]
@@ -82,16 +83,14 @@ def test_each_table_of_a_run_opens_the_same_fleet(run, name):
     assert words["trends"]
 
 
-def test_a_trend_of_several_vehicles_alone_says_which_file_lists_them(run, tmp_path):
-    (tmp_path / "several.parquet").write_bytes((run / "wear.parquet").read_bytes())
-    with pytest.raises(DataError, match=r"several.parquet: has 3 vehicles, and vehicles.parquet of the same run"):
-        shown(tmp_path / "several.parquet")
+def test_the_file_of_a_vehicle_in_a_run_opens_it_alone(run):
+    path = next(path for path in (run / "vehicles").glob("*.parquet") if path.name.startswith("V_10"))
+    assert shown(path)["vehicle"] == REPLACED
 
 
 def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
     (tmp_path / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
-    (tmp_path / "curves").mkdir()
-    (tmp_path / "curves" / "part-00000.parquet").write_bytes((run / "curves" / "part-00000.parquet").read_bytes())
+    shutil.copytree(run / "recordings", tmp_path / "recordings")
     fleet = shown(tmp_path / "results.parquet")
     assert (fleet["trends"], fleet["vehicles"]["recordings"]) == (False, [2, 20, 20])
     words = shown(tmp_path / "results.parquet", STEADY)
@@ -125,29 +124,31 @@ def test_another_file_is_a_sentence(tmp_path, columns, said):
 
 
 def test_a_vehicle_that_is_not_there_is_a_sentence(run):
-    with pytest.raises(DataError, match=r"V 9: wear\.parquet has no recordings of it"):
+    with pytest.raises(DataError, match=r"V 9: results\.parquet has no recordings of it"):
         opened_results(run / "vehicles.parquet", run, "V 9")
 
 
 def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, tmp_path):
     below = (tmp_path / "below").resolve()
     below.mkdir()
-    (below / "results.parquet").write_bytes((run / "results.parquet").read_bytes())
-    (below / "wear.parquet").symlink_to(run / "wear.parquet")
-    (below / "curves").symlink_to(run / "curves")
-    files = files_of(below / "results.parquet", below)
-    assert (files.wear, files.loads) == (None, ())
-    (below / "own.parquet").write_bytes((run / "wear.parquet").read_bytes())
-    (below / "wear.parquet").unlink()
-    (below / "wear.parquet").symlink_to(below / "own.parquet")
-    assert files_of(below / "results.parquet", below).wear == below / "wear.parquet"
+    for name in ("results.parquet", "vehicles.parquet"):
+        (below / name).write_bytes((run / name).read_bytes())
+    for name in ("recordings", "vehicles"):
+        (below / name).symlink_to(run / name)
+    assert files_of(below / "results.parquet", below).loads == ()
+    words = shown(below / "results.parquet", STEADY)
+    assert (words["trend"], words["loads"]) == (None, [])
+    (below / "vehicles").unlink()
+    shutil.copytree(run / "vehicles", below / "own")
+    (below / "vehicles").symlink_to(below / "own")
+    assert len(shown(below / "results.parquet", STEADY)["loads"]) == 20
 
 
 # requests
 
 
 def test_a_result_below_the_folder_is_opened_by_its_path(idle, run):
-    (idle.session.below / "wear.parquet").write_bytes((run / "wear.parquet").read_bytes())
+    (idle.session.below / "wear.parquet").write_bytes(next((run / "vehicles").glob("*.parquet")).read_bytes())
     assert idle.ask("POST", "/api/tables", {"path": "wear.parquet"}).json == {"id": "table-1"}
     ((_, _, task, about),) = idle.submitted
     assert (task.below, about) == (idle.session.below, "table-1")
@@ -209,10 +210,11 @@ def test_a_job_reads_a_fleet_and_its_vehicles_and_says_what_is_none(working, run
     assert working.wait(fleet, "done", "failed")["found"]["count"] == 3
     vehicle = working.ask("POST", f"/api/tables/{fleet}/vehicles", {"vehicle": REPLACED}).json["id"]
     assert working.wait(vehicle, "done", "failed")["found"]["trend"]["alarms"][0]["kind"] == "replaced"
-    other = working.ask("POST", "/api/tables", {"path": "run/curves/part-00000.parquet"}).json["id"]
+    part = next(below.rglob("part-*.parquet")).relative_to(below).as_posix()
+    other = working.ask("POST", "/api/tables", {"path": part}).json["id"]
     said = working.wait(other, "done", "failed")
     assert (said["status"], said["bad_input"]) == ("failed", True)
-    assert "part-00000.parquet: is no result of `clutchid track`" in said["message"]
+    assert ".parquet: is no result of `clutchid track`" in said["message"]
 
 
 def test_a_session_knows_the_name_of_a_file_as_text_only(tmp_path):

@@ -13,6 +13,9 @@ from clutchid.wear.history import WearReading
 from fixtures.commands import without_workers
 from fixtures.lives import reading
 
+#: The rows of the vehicle in the folder of a fleet.
+OWN = "out/vehicles/V1.parquet"
+
 #: Numbers of the recordings, and the shift in m from one to the next.
 COUNT, SHIFT = 8, 5e-6
 
@@ -42,7 +45,7 @@ def wear_by(verb, folder):
         else:
             tracked = clutchid.track(folder / "fleet" / "V1", folder / "cal.toml", limit=1e-4)
             write_tracked(tracked, folder / "wear.parquet")
-    return pl.read_parquet(folder / ("out/wear.parquet" if verb == "fleet" else "wear.parquet"))
+    return pl.read_parquet(folder / (OWN if verb == "fleet" else "wear.parquet"))
 
 
 @pytest.mark.slow
@@ -99,7 +102,7 @@ def test_a_table_of_wear_of_a_vehicle_its_type_or_beside_the_one_calibration_is_
         (fleet / f"{name}.wear.csv").write_text(table.format(end))
     for start, end in (("cal.toml", 1.5e-3), ("cals", 2e-3)):
         run = run_of(fleet, verb="track", start=fleet / start)
-        assert set(pl.read_parquet(fleet / "out" / "wear.parquet")["limit [m]"]) == {end}
+        assert set(pl.read_parquet(fleet / OWN)["limit [m]"]) == {end}
     assert run.warnings == ("T9.wear.csv: no vehicle and no type has that name, so that it is not used.",)
 
 
@@ -123,7 +126,7 @@ def away(paths, how):
 @pytest.mark.parametrize("how", ["files", "folder", "source", "links", "stubs"])
 def test_readings_are_kept_when_their_files_move_away_and_no_file_is_read_again(fleet, how, count):
     run_of(fleet, verb="track", limit=1e-4)
-    tables = [fleet / "out" / name for name in ("wear.parquet", "vehicles.parquet", "curves/part-00000.parquet")]
+    tables = [fleet / name for name in (OWN, "out/vehicles.parquet", "out/vehicles/V1.load.parquet")]
     before, folder = [table.read_bytes() for table in tables], fleet / "fleet" / "V1"
     paths = sorted(folder.iterdir())[:count]
     away(paths, how)
@@ -176,12 +179,12 @@ def test_the_place_in_a_table_that_is_gone_is_known_and_another_calibration_ends
     rows = [f"run_{k},V1,T1,{1000 * k}" for k in range(COUNT)]
     (folder / "recordings.csv").write_text("\n".join(["recording,vehicle,type,strokes", *rows]) + "\n")
     run_of(fleet, verb="track")
-    before = (fleet / "out" / "wear.parquet").read_bytes()
+    before = (fleet / OWN).read_bytes()
     (folder / "recordings.csv").unlink()
     away(sorted((folder / "V1").iterdir()), "source")
     assert run_of(fleet, verb="track").statuses == {"ok": COUNT}
-    assert (fleet / "out" / "wear.parquet").read_bytes() == before
-    assert set(pl.read_parquet(fleet / "out" / "wear.parquet")["axis"]) == {"strokes"}
+    assert (fleet / OWN).read_bytes() == before
+    assert set(pl.read_parquet(fleet / OWN)["axis"]) == {"strokes"}
     (fleet / "cal.toml").write_text("[parameters]\nM = 9.0\n")
     run = run_of(fleet, verb="track")
     assert run.statuses == {"warning": COUNT}

@@ -9,9 +9,9 @@ import pytest
 from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
-from clutchid.fleets.jobs import Fleet, tasks
-from clutchid.fleets.output import recording_rows
-from clutchid.fleets.store import RecordingRow, run_store
+from clutchid.fleets.jobs import Fleet, with_inputs
+from clutchid.fleets.plan import planned, rows_of, states_of
+from clutchid.fleets.store import RecordingRow, run_store, stored_row
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track
 from clutchid.verbs.wear_reading import checksum_of, read_recording
@@ -24,8 +24,14 @@ def statuses(tmp_path, status):
     jobs = tuple(RecordingJob("r", vehicle, path=tmp_path, start=tmp_path) for vehicle in ("V1", "V2"))
     with run_store(tmp_path / status, {}) as stored:
         for job in jobs:
-            stored.put(RecordingRow(job, WearReading(status, "its sentence", sha256="same")))
-        return [row.reading[:2] for row in recording_rows(Fleet(jobs), stored)]
+            stored.put([stored_row(RecordingRow(job, WearReading(status, "its sentence", sha256="same")))])
+        states = states_of(jobs, stored.keys())
+        return [row.reading[:2] for state in states for row in rows_of([state], stored)]
+
+
+def tasks(fleet, reading, verb, stored, *, retry=False):
+    """What a run over a fleet is to read."""
+    return planned(with_inputs(fleet, reading, verb).jobs, stored.keys(), retry=retry, forget=False).todo
 
 
 def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):
@@ -43,7 +49,7 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
         reading = read_recording(Reading(), "fit", task)
         assert reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in reading.message
-        stored.put(RecordingRow(task, reading))
+        stored.put([stored_row(RecordingRow(task, reading))])
         assert not tasks(fleet, Reading(), "fit", stored)
         gone.touch()
         assert tasks(fleet, Reading(), "fit", stored), "it has come back"
@@ -61,7 +67,9 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             """Whether the recording is read now; then it is done."""
             todo = tasks(fleet, reading, verb, stored, **retry)
             for task in todo:
-                stored.put(RecordingRow(task, WearReading("killed", "lost", sha256=checksum_of(recording))))
+                stored.put(
+                    [stored_row(RecordingRow(task, WearReading("killed", "lost", sha256=checksum_of(recording))))]
+                )
             return bool(todo)
 
         assert is_read()
@@ -87,7 +95,7 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, Reading(), "fit", stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
-            stored.put(RecordingRow(task, WearReading("bad_input", "cannot be read.", sha256=checksum)))
+            stored.put([stored_row(RecordingRow(task, WearReading("bad_input", "cannot be read.", sha256=checksum)))])
             assert len(tasks(fleet, Reading(), "fit", stored)) == again
 
 

@@ -80,6 +80,7 @@ def fleet(
     retry: Annotated[Flag, FLEET] = False,
     fail_share: Annotated[float, FLEET] = 0.2,
     forget_missing: Annotated[Flag, FLEET] = False,
+    table: Annotated[Flag, FLEET] = False,
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -111,6 +112,8 @@ def fleet(
         exit code is 1.
     forget_missing
         Leave out recordings whose files are gone; else their readings are kept, and counted.
+    table
+        Write results.parquet also for more than 100,000 recordings.
     json
         Print one JSON object on standard output.
     debug
@@ -122,7 +125,7 @@ def fleet(
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry, fail_share=fail_share,
-            forget_missing=forget_missing,
+            forget_missing=forget_missing, table=table,
             ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (),
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip

@@ -1,30 +1,24 @@
-"""The recordings of a fleet, their vehicles, types and calibrations; those that are not done yet, read by workers."""
+"""The recordings of a fleet, their vehicles, types and calibrations."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
-from importlib.resources import as_file, files
 from os import PathLike
 from pathlib import Path
-from time import monotonic
 from typing import NamedTuple
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
-from clutchid.fleets.cluster import Workers, results, version_and_source
-from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of
+from clutchid.fleets.cluster import version_and_source
+from clutchid.fleets.store import StoredKey
 from clutchid.messages import listed
 from clutchid.names import as_text
-from clutchid.processes import Pool
 from clutchid.verbs.folders import FolderContent, files_by_name, folder_content, left_out, name_of, no_recordings
 from clutchid.verbs.reading import Reading, by_suffix
-from clutchid.verbs.start import compile_models
-from clutchid.verbs.wear_reading import checksum_of, read_recording, unless_lost
-from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.history import RecordingJob
 from clutchid.wear.tables import read_fleet_table
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
@@ -85,7 +79,7 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     if all(job.path is None for job in located):
         raise NoRecordingsError(f"{source}: none of the files of its {len(located):,} recordings exists.")
     calibrations = _calibrations(start)
-    located.sort(key=_key)
+    located.sort(key=key_of)
     jobs = tuple(_with_calibration(job, start, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
@@ -169,136 +163,32 @@ def _with_calibration(job: RecordingJob, start: Path, calibrations: Mapping[str,
     return replace(job, problem=as_text(f"there is no calibration of {what}: {place}.toml."))
 
 
-#: Lost results, which are tried again where the user says so.
-_LOST = ("killed", "timed_out")
+def with_missing(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredKey]) -> Fleet:
+    """A fleet with the recordings of its index that have a result, but no file any more."""
+    listed, calibrations = {key_of(job) for job in fleet.jobs}, _calibrations(start)
+    gone = [entry.job for key, entry in keys.items() if entry.has_result and key not in listed]
+    missing = (_with_calibration(replace(job, file=""), start, calibrations) for job in gone)
+    return fleet._replace(jobs=tuple(sorted((*fleet.jobs, *missing), key=key_of)))
 
 
-#: A recording without a result.
-_NONE = StoredKey(RecordingJob(""), "", "")
-
-
-def tasks(fleet: Fleet, reading: Reading, verb: str, store: Store, *, retry: bool = False) -> list[RecordingJob]:
-    """The recordings without a result, or whose file, calibration or clutchid has changed since.
-
-    With `retry` also those that ended their worker or took too long. What identifies a reading is the SHA-256 of the
-    file with the inputs: the same file under another name has the reading already, and takes it over from a name whose
-    file is gone.
-    """
-    stored, inputs = store.keys(), _inputs(fleet, reading, verb)
-    there = {_key(job): stamp for job in fleet.jobs if job.path and (stamp := stamp_of(job.path))}
-    by_checksum = {entry.checksum: key for key, entry in stored.items() if entry.has_result}
-    sizes = {entry.job.file.partition(" ")[0] for entry in stored.values() if entry.has_result}
-    todo: list[RecordingJob] = []
-    same: list[tuple[tuple[str, str], RecordingJob]] = []
-    moved: set[tuple[str, str]] = set()
-    for job in fleet.jobs:
-        if job.path is None or job.start is None:
-            continue
-        key, stamp = _key(job), there.get(_key(job), "")
-        task, entry = replace(job, inputs=inputs[job.start], file=stamp), stored.get(key, _NONE)
-        if not stamp and entry.has_result:
-            continue
-        changed = entry.job.file != stamp
-        unread = stamp and not entry.checksum  # as where a share was away for a while
-        as_before = entry.job.inputs == task.inputs and not unread and not (retry and entry.status in _LOST)
-        if as_before and not (changed and checksum_of(job.path) != entry.checksum):
-            if changed or place_of(entry.job) != place_of(task):
-                same.append((key, task))
-            continue
-        source = by_checksum.get(checksum_of(job.path)) if changed and stamp.partition(" ")[0] in sizes else None
-        if source and source != key and source not in there:
-            moved.add(source)
-        if source and source != key and stored[source].job.inputs == task.inputs:
-            same.append((source, task))
-        else:
-            todo.append(task)
-    store.rename(same)
-    store.forget(moved - {_key(task) for _, task in same})
-    return todo
-
-
-def with_missing(fleet: Fleet, start: Path, store: Store, *, forget: bool) -> Fleet:
-    """A fleet with the stored recordings whose files are gone; with `forget` they are deleted from the store."""
-    stored = {key: entry for key, entry in store.keys().items() if entry.has_result}
-    listed = {_key(job): job for job in fleet.jobs}
-    if forget:
-        gone = {key for key in stored if not (key in listed and (path := listed[key].path) and stamp_of(path))}
-        store.forget(gone)
-        return fleet
-    calibrations = _calibrations(start)
-    missing = (_with_calibration(entry.job, start, calibrations) for key, entry in stored.items() if key not in listed)
-    return fleet._replace(jobs=tuple(sorted((*fleet.jobs, *missing), key=_key)))
-
-
-def _key(job: RecordingJob) -> tuple[str, str]:
-    return job.vehicle, job.recording
-
-
-def read_all(
-    workers: Workers,
-    read: Callable[[RecordingJob], WearReading],
-    todo: Sequence[RecordingJob],
-    store: Store,
-    progress: Callable[[int, int], None],
-) -> None:
-    """Read recordings, and keep every result as it comes.
-
-    Parameters
-    ----------
-    read
-        What reads one.
-    progress
-        Is called with the numbers of recordings that have been read, and of all.
-
-    Raises
-    ------
-    ExportError
-        If a result cannot be kept; those before are.
-    MissingExtra, ParameterError, SolveError
-        If the workers of a scheduler cannot be used, see `clutchid.fleets.cluster.results`.
-    """
-    last, count, stored = monotonic(), 0, store.keys()
-    try:
-        for finished in results(read, todo, workers):
-            job, reading = finished.item, unless_lost(finished.item, finished.result)
-            entry = stored.get(_key(job), _NONE)
-            # a stub, or a file that went meanwhile, takes no reading of what it was
-            if not (reading.apart and entry.has_result and reading.sha256 != entry.checksum):
-                store.put(RecordingRow(job, reading, finished.timing))
-            last, count = store.saved(last), count + 1
-            progress(count, len(todo))
-    finally:
-        store.saved()
-
-
-#: The bundled recording.
-_BUNDLED = files("clutchid.study") / "data" / "truck1_calibration.csv"
-
-#: Time in s that a compilation may take on a slow machine: workers with less for a recording would be ended in it.
-COMPILATION = 300.0
-
-
-def compile_first(verb: str, calibrations: Iterable[Path]) -> None:
-    """Compile in a worker without a limit what later workers need for some calibrations; these only load it.
-
-    The bundled recording is read as well, for what is compiled by use only.
-    """
-    pool, starts = Pool(), sorted(calibrations)
-    pool.do(compile_models, starts)
-    with as_file(_BUNDLED) as recording:
-        job = RecordingJob("bundled", path=recording, start=starts[0])
-        pool.do(partial(read_recording, Reading(), verb), job)
-
-
-def _inputs(fleet: Fleet, reading: Reading, verb: str) -> Mapping[Path, str]:
-    """Inputs of results beside the recording, by calibration."""
+def with_inputs(fleet: Fleet, reading: Reading, verb: str) -> Fleet:
+    """A fleet whose recordings have what their results depend on: their calibration and all else, and their file."""
     files = [Path(path) for path in (reading.channels, *reading.dbc) if isinstance(path, str | PathLike)]
     common = [version_and_source(), verb, repr(reading.ambient), [digest(path) for path in files]]
     starts = {job.start for job in fleet.jobs if job.start is not None}
-    return {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
+    inputs = {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
+    return fleet._replace(jobs=tuple(
+        replace(job, inputs=inputs[job.start] if job.start else "", file=_stamp_of(job.path) if job.path else "")
+        for job in fleet.jobs
+    ))  # fmt: skip
 
 
-def stamp_of(path: Path) -> str:
+def key_of(job: RecordingJob) -> tuple[str, str]:
+    """Vehicle and recording."""
+    return job.vehicle, job.recording
+
+
+def _stamp_of(path: Path) -> str:
     """Size and time of a file, to detect changes without reading it; empty if it does not exist."""
     try:
         status = path.stat()

@@ -6,6 +6,7 @@ Everything is read from the files that these commands have written; a number tha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,9 @@ from clutchid.documents.fit_json import curve_json
 from clutchid.documents.wear_rows import ALARMS
 from clutchid.errors import DataError
 from clutchid.files import reason_of
-from clutchid.fleets.output import CURVES, RESULTS, VEHICLES, WEAR
+from clutchid.fleets.output import RESULTS, VEHICLES
+from clutchid.fleets.parts import PLACES
+from clutchid.fleets.store import PARTS
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
 from clutchid.verbs.saving import loads_path
@@ -31,9 +34,6 @@ _MOST_VEHICLES, _MOST_RECORDINGS, MOST_LOADS = 20_000, 5_000, 200
 #: Most rows that are read of a file.
 _MOST_ROWS = 2_000_000
 
-#: Positions in mm at which the table of a vehicle has its load.
-PLACES = (5, 6, 7, 8)
-
 #: Columns by which the files of a run are known.
 _KNOWN = {
     "wear": (
@@ -47,13 +47,13 @@ _KNOWN = {
         "left low",
         "left high",
     ),
-    "vehicles": ("vehicle", "counted", "load_change"),
-    "results": ("recording", "vehicle", "peak_N"),
+    "vehicles": ("vehicle", "counted", "load_change_percent"),
+    "results": ("recording", "vehicle", "peak_N", "file_gone"),
 }
 
 
 class Files(NamedTuple):
-    """The existing files of a track or a fleet: its tables, and the loads of its recordings."""
+    """The existing files of a track or a fleet: its tables, and those with the loads of its recordings."""
 
     wear: Path | None
     vehicles: Path | None
@@ -70,7 +70,6 @@ def files_of(path: Path, below: Path) -> Files:
         If the file is no result of these commands.
     """
     path = path.with_name(path.name.replace(".load.", ".", 1)) if ".load." in path.name else path
-    names = {"wear": WEAR, "vehicles": VEHICLES, "results": RESULTS}
     present = {*_columns(path)}
     kind = next((kind for kind, columns in _KNOWN.items() if {*columns} <= present), None)
     if kind is None and {"recording", "outcome"} <= present:
@@ -81,14 +80,15 @@ def files_of(path: Path, below: Path) -> Files:
     if kind is None:
         raise DataError(
             f"{printable(path.name)}: is no result of `clutchid track` (FILE.parquet of --out) or of `clutchid fleet` "
-            f"({VEHICLES}, {RESULTS} or {WEAR} of its folder)."
+            f"({VEHICLES}, {RESULTS}, or the file of a vehicle in its folder)."
         )
-    paths = {other: _inside(path.with_name(name), below) for other, name in names.items()}
-    own = _inside(loads_path(path), below)
-    if own is not None or (kind == "wear" and paths["results"] is None):  # that of a single vehicle
+    if kind == "wear":
+        own = _inside(loads_path(path), below)
         return Files(path, None, None, (own,) if own else ())
-    parts = [*sorted((path.parent / CURVES).glob("part-*.parquet")), *sorted(path.parent.glob("part-*.parquet"))]
-    return Files(**(paths | {kind: path}), loads=tuple(part for part in parts if _inside(part, below)))
+    names = {"vehicles": VEHICLES, "results": RESULTS}
+    paths = {other: _inside(path.with_name(name), below) for other, name in names.items()} | {kind: path}
+    parts = sorted((path.parent / PARTS).glob("date=*/part-*.parquet"))
+    return Files(None, paths["vehicles"], paths["results"], tuple(part for part in parts if _inside(part, below)))
 
 
 def _inside(path: Path, below: Path) -> Path | None:
@@ -135,23 +135,28 @@ def opened_results(path: Path, below: Path, vehicle: str | None) -> dict[str, An
         If it is no such file, or there is no such vehicle.
     """
     files = files_of(path, below)
-    if vehicle is not None:
-        return vehicle_table(files, vehicle)
-    if files.vehicles is None and files.results is None and files.wear is not None:
+    if files.wear is not None:
         names = _read(files.wear)["vehicle"].unique().to_list()
-        if len(names) > 1:
-            raise DataError(
-                f"{printable(path.name)}: has {len(names):,} vehicles, and {VEHICLES} of the same run, which lists "
-                "them, does not lie beside it."
-            )
-        return vehicle_table(files, names[0] if names else "")
-    return fleet_table(files)
+        return vehicle_table(files, vehicle or (names[0] if names else ""))
+    if vehicle is None:
+        return fleet_table(files)
+    own = _own_file(files, vehicle, below)
+    return vehicle_table(files if own is None else files_of(own, below)._replace(vehicles=files.vehicles), vehicle)
+
+
+def _own_file(files: Files, vehicle: str, below: Path) -> Path | None:
+    """The file with the trend of a vehicle; None if there is none."""
+    import polars as pl
+
+    row = None if files.vehicles is None else _read(files.vehicles, pl.col("vehicle") == vehicle, 1)
+    name = row["file"][0] if row is not None and row.height else None
+    return _inside(files.vehicles.parent / f"{name}.parquet", below) if name and files.vehicles else None
 
 
 # a fleet
 
-#: Values of a vehicle with their bands, and how each of its columns begins and ends.
-_BANDS = {"shift": ("shift", "_mm"), "wear": ("wear", "_mm"), "load": ("load_change", ""), "left": ("left", "")}
+#: Sides of a band by the ends of their columns.
+_SIDES = ("", "_low", "_high")
 
 
 def fleet_table(files: Files) -> dict[str, Any]:
@@ -165,17 +170,32 @@ def fleet_table(files: Files) -> dict[str, Any]:
         name: [row.get(name) for row in shown]
         for name in ("vehicle", "type", "recordings", "counted", "last", "axis", "alarms")
     }
-    for name, (head, unit) in _BANDS.items():
-        columns[name] = [_band([row.get(f"{head}{side}{unit}") for side in ("", "_low", "_high")]) for row in shown]
+    columns["last"] = [_text(last) for last in columns["last"]]
+    for name in ("shift", "wear"):
+        columns[name] = [_band([row.get(f"{name}{side}_mm") for side in _SIDES]) for row in shown]
+    changes = [[row.get(f"load_change{side}_percent") for side in _SIDES] for row in shown]
+    columns["load"] = [_band([None if side is None else 0.01 * side for side in change]) for change in changes]
+    columns["left"] = [_band([row.get(f"left_{row.get('axis')}{side}") for side in _SIDES]) for row in shown]
     for name in ("trust", "peak", "half_load"):
         columns[name] = [newest.get(row["vehicle"], {}).get(name) for row in shown]
-    return {"kind": "fleet", "vehicles": columns, "count": len(rows), "trends": files.wear is not None, "lives": LIFE}
+    return {
+        "kind": "fleet",
+        "vehicles": columns,
+        "count": len(rows),
+        "trends": files.vehicles is not None,
+        "lives": LIFE,
+    }
 
 
 def _band(sides: Sequence[Any]) -> list[float | str | None] | None:
     """A value with its ends; None where it is not known."""
     numbers = [_number(side) for side in sides]
     return None if numbers[0] is None else numbers
+
+
+def _text(begin: datetime | str | None) -> str | None:
+    """A time as ISO 8601."""
+    return begin.isoformat() if isinstance(begin, datetime) else begin
 
 
 def _number(value: Any) -> float | str | None:
@@ -193,10 +213,10 @@ def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
             row["vehicle"], {"type": row.get("type"), "recordings": 0, "counted": 0, "trust": row["trust"]}
         )
         vehicle["recordings"] += row.get("is_recording", True)
-        peak = _band([row[f"peak{side}_N"] for side in ("", "_low", "_high")])
+        peak = _band([row[f"peak{side}_N"] for side in _SIDES])
         if peak is None:
             continue
-        half = _band([row[f"half_load{side}_mm"] for side in ("", "_low", "_high")])
+        half = _band([row[f"half_load{side}_mm"] for side in _SIDES])
         vehicle |= {"counted": vehicle["counted"] + 1, "trust": row["trust"], "peak": peak, "half_load": half}
     return vehicles
 
@@ -260,17 +280,18 @@ def _recording(row: Mapping[str, Any], load: LoadCurve | None) -> dict[str, Any]
         half = [row.get(f"half_load{side} [m]") for side in ("", " low", " high")]
         shift, change = row.get("shift measured [m]"), row.get("load measured [1]")
     else:
-        millimetres = [row.get(f"half_load{side}_mm") for side in ("", "_low", "_high")]
+        millimetres = [row.get(f"half_load{side}_mm") for side in _SIDES]
         half = [None if value is None else 1e-3 * value for value in millimetres]
         shift = None if row.get("shift_mm") is None else 1e-3 * row["shift_mm"]
-        change = row.get("load_change")
+        change = None if row.get("load_change_percent") is None else 0.01 * row["load_change_percent"]
     why = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
     said = " ".join(text for text in (why, row.get("warnings")) if text)
     return {
-        "recording": row["recording"], "begin": row.get("begin"), "strokes": _number(row.get("strokes [1]")),
-        "odometer": _number(row.get("odometer [km]")), "status": row.get("status"), "trust": row.get("trust"),
-        "outcome": row.get("outcome"), "said": said, "shift": _number(shift), "change": _number(change),
-        "half_load": _band(half), "at": None if load is None else _at_places(load),
+        "recording": row["recording"], "begin": _text(row.get("begin")),
+        "strokes": _number(row.get("strokes [1]", row.get("strokes"))),
+        "odometer": _number(row.get("odometer [km]", row.get("odometer_km"))), "status": row.get("status"),
+        "trust": row.get("trust"), "outcome": row.get("outcome"), "said": said, "shift": _number(shift),
+        "change": _number(change), "half_load": _band(half), "at": None if load is None else _at_places(load),
     }  # fmt: skip
 
 
@@ -325,10 +346,12 @@ def _loads(files: Files, vehicle: str, names: Sequence[str]) -> dict[str, LoadCu
 
     curves: dict[str, LoadCurve] = {}
     for path in files.loads:
-        several = "vehicle" in _columns(path)
-        wanted = pl.col("vehicle") == vehicle if several else pl.col("recording").is_in(names)
-        frame = _read(path, wanted)
-        for (name,), group in frame.group_by(["recording"], maintain_order=True):
-            columns = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-            curves[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
-    return curves
+        if "force_N" not in _columns(path):  # that of a track
+            for (name,), group in _read(path).group_by(["recording"], maintain_order=True):
+                columns = ("position [m]", "force [N]", "force low [N]", "force high [N]")
+                curves[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
+            continue
+        rows = _read(path, (pl.col("vehicle") == vehicle) & pl.col("force_N").is_not_null())
+        for row in rows.select("recording", "position_m", "force_N", "low_N", "high_N").iter_rows():
+            curves[row[0]] = LoadCurve(*map(np.array, row[1:]))
+    return {name: curves[name] for name in names if name in curves}

@@ -1,4 +1,4 @@
-"""The tables of a fleet: results, times and loads of recordings, and the wear of each vehicle."""
+"""The tables and pages of a fleet: its recordings, its vehicles, and the wear of each vehicle."""
 
 from __future__ import annotations
 
@@ -6,167 +6,80 @@ import hashlib
 import json
 import re
 import unicodedata
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache
-from itertools import groupby, islice, tee
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
+from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from clutchid.documents import FleetWear, WornClutch, document_of, write_page
 from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
-from clutchid.files import atomic_write, digest, make_folder, write_frame
+from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.jobs import Fleet, stamp_of
-from clutchid.fleets.store import RecordingRow, Store
-from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.fleets.parts import frame_of, part_content, rows_in_parts, schema
+from clutchid.fleets.plan import Key, State, rows_of
+from clutchid.fleets.storage import Storage
+from clutchid.fleets.store import Store, StoredKey, place_of, stored_row
 from clutchid.systems import is_device
-from clutchid.verbs.tracking import load_frame, table_of
-from clutchid.verbs.wear_reading import counted_once
-from clutchid.wear.history import RecordingJob, WearReading, arranged
+from clutchid.verbs.tracking import write_tracked
+from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, wear_of
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
     import polars as pl
 
-#: Files of a run, beside the store.
-RESULTS, _TIMINGS, CURVES = "results.parquet", "timings.parquet", "curves"
+#: Files of a run beside its index, and the folder of the files of its vehicles.
+RESULTS, VEHICLES, _INDEX, _FILES = "results.parquet", "vehicles.parquet", "index.html", "vehicles"
 
-#: Recordings in one file of loads.
-_PART = 1000
-
-
-#: A recording that was not read.
-_UNREAD = WearReading("failed", "was not read; run the same command again to go on.")
+#: Most recordings of which a table is written in one file without being asked for.
+MOST_ROWS = 100_000
 
 
-def recording_rows(fleet: Fleet, store: Store) -> Iterator[RecordingRow]:
-    """Every recording of a fleet in the order of vehicle and name; duplicates count once."""
-    merged, again = tee(_merged(fleet.jobs, store.results()))
-    named = ((f"{row.job.recording} of {row.job.vehicle}", row.reading) for row in again)
-    for row, reading in zip(merged, counted_once(named), strict=True):
-        yield row._replace(reading=reading)
-
-
-#: Why the reading of a file that is gone is not used.
-_OTHER_CALIBRATION = (
-    "the file is gone, and was read from another calibration than that of today, so that its change cannot be compared."
-)
-
-
-def _merged(jobs: Iterable[RecordingJob], stored: Iterator[RecordingRow]) -> Iterator[RecordingRow]:
-    """Jobs with their results, both in the same order; other results are skipped."""
-
-    def key(job: RecordingJob) -> tuple[str, str]:
-        return job.vehicle, job.recording
-
-    hashed = cache(digest)
-    row = next(stored, None)
-    for job in jobs:
-        while row is not None and key(row.job) < key(job):
-            row = next(stored, None)
-        if row is not None and key(row.job) == key(job) and (row.reading.has_result or not job.problem):
-            stamp = stamp_of(job.path) if job.path else ""
-            gone = row.reading.has_result and (not stamp or row.job.file not in ("", stamp))
-            if gone and job.start and not row.job.inputs.startswith(f'["{hashed(job.start)}"'):
-                clock, sha256, curve = row.reading.clock, row.reading.sha256, row.reading.curve
-                reading = WearReading("warning", _OTHER_CALIBRATION, clock=clock, sha256=sha256, curve=curve)
-                row = row._replace(reading=reading)
-            yield row._replace(job=job, file_gone=gone)
-        elif job.problem:
-            yield RecordingRow(job, WearReading("bad_input", job.problem, apart=True))
-        else:
-            yield RecordingRow(job, _UNREAD)
-
-
-def _with_warnings(rows: Iterable[RecordingRow]) -> Iterator[RecordingRow]:
-    """Recordings with what is missing or contradicts in their times."""
-    for own in _by_vehicle(rows):
-        history = arranged([row.job for row in own], [row.reading for row in own])
-        yield from (row._replace(job=job) for row, job in zip(own, history.dated, strict=True))
-
-
-def _by_vehicle(rows: Iterable[RecordingRow]) -> Iterator[list[RecordingRow]]:
-    return (list(own) for _, own in groupby(rows, key=lambda row: row.job.vehicle))
-
-
-def write_results(fleet: Fleet, store: Store, out: Path, *, trends: bool = False) -> tuple[Counter[str], int]:
-    """Write results, times and loads of all recordings; how many there are by status, and whose files are gone.
-
-    With `trends` a recording also has the warnings about its time, which is its place in the life of its vehicle.
+def write_results(states: Sequence[State], store: Store, storage: Storage, out: Path) -> None:
+    """Write the newest row of every recording: those of its parts, and of what was not read why.
 
     Raises
     ------
     ExportError
-        If a file cannot be written; an existing one is then unchanged.
+        If the file cannot be written; an existing one is then unchanged.
     """
+    write_bytes(part_content(results_table(states, store, storage)), out / RESULTS)
+
+
+def results_table(states: Sequence[State], store: Store, storage: Storage) -> pl.DataFrame:
+    """A row a recording in the order of vehicle and name; see `write_results`."""
     import polars as pl
 
-    statuses: Counter[str] = Counter()
-    results: list[Mapping[str, object]] = []
-    timings: list[tuple[str | float | None, ...]] = []
-    gone = 0
-    make_folder(out / CURVES)
-    rows, part = recording_rows(fleet, store), 0
-    rows = _with_warnings(rows) if trends else rows
-    while some := list(islice(rows, _PART)):
-        statuses.update(row.reading.status for row in some)
-        gone += sum(row.file_gone for row in some)
-        results += map(_result, some)
-        timings += [(row.job.recording, row.job.vehicle, *row.timing) for row in some]
-        keys = {what: [getattr(row.job, what) for row in some] for what in ("recording", "vehicle")}
-        write_frame(load_frame(keys, [row.reading.curve for row in some]), out / CURVES / f"part-{part:05d}.parquet")
-        part += 1
-    for old in sorted((out / CURVES).glob("part-*.parquet"))[part:]:
-        old.unlink()
-    table = pl.DataFrame(results, schema_overrides=dict.fromkeys(_TEXT, pl.String), infer_schema_length=None)
-    write_frame(table.fill_nan(None), out / RESULTS)
-    write_frame(pl.DataFrame(timings, _TIMED, orient="row").fill_nan(None), out / _TIMINGS)
-    return statuses, gone
+    parts: dict[str, list[Key]] = defaultdict(list)
+    special = []
+    for vehicle, own in _by_vehicle(states):
+        for state in own:
+            if state.entry and state.is_plain:
+                parts[state.entry.part].append((vehicle, state.job.recording))
+        if not all(state.is_plain for state in own):
+            rows = zip(own, rows_of(own, store), strict=True)
+            special += [stored_row(row) for state, row in rows if not state.is_plain]
+    tables = [frame_of(special, whole=False), *rows_in_parts(storage, parts)]
+    table = pl.concat(tables, how="diagonal_relaxed")
+    keys = [(*_key(state), state.file_gone) for state in states]
+    listed = pl.DataFrame(keys, {"vehicle": pl.String, "recording": pl.String, "file_gone": pl.Boolean}, orient="row")
+    table = listed.join(table, on=["vehicle", "recording"], how="left", maintain_order="left")
+    tags = [name for name in table.columns if name.startswith("tag_")]
+    return table.select(*schema(tags, whole=False), "file_gone")
 
 
-#: Columns of text that may be empty throughout.
-_TEXT = ("changes", "sha256", "message", "reason", "warnings")
-
-#: Columns of the cost of recordings.
-_TIMED = {
-    "recording": str, "vehicle": str, "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
-}  # fmt: skip
+def _key(state: State) -> Key:
+    return state.job.vehicle, state.job.recording
 
 
-def _result(row: RecordingRow) -> Mapping[str, object]:
-    reading, nothing = row.reading, (float("nan"),) * 3
-    peak = _peak(reading.curve) if reading.curve else nothing
-    half = tuple(1e3 * value for value in reading.half_load)
-    measured = reading.measurement
-    shift, load = (measured[0:2], measured[2:4]) if measured else (nothing, nothing)
-    return {
-        "recording": row.job.recording, "vehicle": row.job.vehicle, "type": row.job.type,
-        "is_recording": not reading.apart, "status": reading.status, "message": reading.message, "trust": reading.trust,
-        "peak_N": peak[0], "peak_low_N": peak[1], "peak_high_N": peak[2],
-        "half_load_mm": half[0], "half_load_low_mm": half[1], "half_load_high_mm": half[2],
-        "shift_mm": 1e3 * shift[0], "shift_std_mm": 1e3 * shift[1],
-        "load_change": load[0], "load_change_std": load[1],
-        "temperature_K": measured.temperature if measured else float("nan"),
-        "changes": ", ".join(reading.changes), "sha256": reading.sha256, "reason": reading.unmeasured,
-        "file_gone": row.file_gone, "warnings": " ".join(row.job.warnings),
-    }  # fmt: skip
+def _by_vehicle(states: Sequence[State]) -> Iterator[tuple[str, list[State]]]:
+    return ((vehicle, list(own)) for vehicle, own in groupby(states, key=lambda state: state.job.vehicle))
 
-
-def _peak(curve: LoadCurve) -> tuple[float, float, float]:
-    """Largest load in N, with the band there."""
-    if not np.isfinite(curve.force).any():
-        return (float("nan"),) * 3
-    at = int(np.nanargmax(curve.force))
-    return float(curve.force[at]), float(curve.low[at]), float(curve.high[at])
-
-
-#: Files of a run, and the folder of the pages of its vehicles, with what each was made from.
-WEAR, VEHICLES, _INDEX, _PAGES, _MADE = "wear.parquet", "vehicles.parquet", "index.html", "vehicles", "made.json"
 
 #: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
 _PARTICULAR = re.compile(r"'[^']*'|\S*[/\\]\S*|\b\d[\d.,]*\b")
@@ -178,23 +91,101 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-def vehicles_of(fleet: Fleet, store: Store, limits: Callable[[RecordingJob], LifeLimits]) -> Iterator[Wear]:
-    """The wear of every vehicle of a fleet, from its results.
+class VehicleState(NamedTuple):
+    """What is known of a vehicle: its row, and the reasons why recordings do not count, each with its recordings."""
+
+    row: VehicleRow
+    reasons: tuple[ReasonCount, ...]
+
+
+def vehicles_of(
+    states: Sequence[State],
+    store: Store,
+    limits: Callable[[RecordingJob], LifeLimits],
+    command: str,
+    out: Path,
+    *,
+    trends: bool,
+) -> list[VehicleState]:
+    """The vehicles of a fleet; with `trends` also their files: page, trend and loads.
+
+    Only those of which something is new are made again, from the readings of the index.
 
     Parameters
     ----------
     limits
         What ends the life of the vehicle of a recording.
+
+    Raises
+    ------
+    ExportError
+        If a file cannot be written; an existing one is then unchanged.
     """
-    for rows in _by_vehicle(recording_rows(fleet, store)):
-        jobs, job = [row.job for row in rows], rows[0].job
-        yield wear_of(job.vehicle, jobs, [row.reading for row in rows], limits(job))
+    before, after = store.vehicles(), {}
+    names: set[str] = set()
+    vehicles = []
+    for vehicle, own in _by_vehicle(states):
+        limit, name = limits(own[0].job), _file_name(vehicle, names)
+        file = f"{_FILES}/{name}" if trends else ""
+        made, known = _hash(own, limit, file), before.get(vehicle)
+        if known and known[0] == made and (not file or (out / f"{file}.html").exists()):
+            after[vehicle] = known
+            vehicles.append(_restored(known[1]))
+            continue
+        rows = rows_of(own, store)
+        wear = wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit)
+        if file:
+            _write_vehicle(WornClutch(wear, home=f"../{_INDEX}"), command, out / file)
+        state = VehicleState(_row(wear, f"{file}.html" if file else ""), _reasons_of(wear))
+        after[vehicle] = made, json.dumps(state, default=_packed)
+        vehicles.append(state)
+    store.put_vehicles(after)
+    return vehicles
 
 
-def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends: bool) -> list[VehicleRow]:
-    """Write the page of the fleet, and with `trends` the tables and pages of its vehicles, whose rows are returned.
+def _hash(states: Sequence[State], limit: LifeLimits, file: str) -> str:
+    """Hash of what the state of a vehicle is made from."""
+    recordings = [
+        (state.job.recording, state.job.problem, place_of(state.job), state.entry and _result(state.entry), *state[2:])
+        for state in states
+    ]
+    tables = None if limit.table is None else [side.tolist() for side in limit.table]
+    made = json.dumps([version_and_source(), limit.shift, tables, file, recordings], default=str)
+    return hashlib.sha256(made.encode()).hexdigest()
 
-    A vehicle's page is only made anew if something of it has changed.
+
+def _result(entry: StoredKey) -> tuple[str, ...]:
+    """Identity of a reading, whatever the stamp of its file."""
+    return entry.job.inputs, entry.checksum, entry.status, entry.read_at
+
+
+def _write_vehicle(clutch: WornClutch, command: str, path: Path) -> None:
+    """Write trend and loads of a vehicle as `clutchid track` does, then its page, whose presence says that all are."""
+    make_folder(path.parent)
+    write_tracked(clutch, path.with_name(f"{path.name}.parquet"))
+    write_page(document_of(clutch, command), path.with_name(f"{path.name}.html"))
+
+
+def _packed(value: object) -> object:
+    if isinstance(value, datetime):
+        return value.isoformat()
+    raise TypeError(value)
+
+
+def _restored(text: str) -> VehicleState:
+    """The state of a vehicle from its text."""
+    row, reasons = json.loads(text)
+    known = VehicleRow(*row)
+    last = datetime.fromisoformat(known.last) if isinstance(known.last, str) else None
+    known = known._replace(
+        last=last, shift=Interval(*known.shift), load=Interval(*known.load), wear=Interval(*known.wear),
+        left=Interval(*known.left), alarms=tuple(known.alarms), warnings=tuple(known.warnings),
+    )  # fmt: skip
+    return VehicleState(known, tuple(ReasonCount(*reason) for reason in reasons))
+
+
+def write_fleet(vehicles: Sequence[VehicleState], command: str, out: Path, *, trends: bool) -> None:
+    """Write the page of a fleet, and with `trends` the table of its vehicles.
 
     Raises
     ------
@@ -203,45 +194,17 @@ def write_vehicles(vehicles: Iterable[Wear], command: str, out: Path, *, trends:
     """
     import polars as pl
 
-    rows: list[VehicleRow] = []
-    reasons: dict[tuple[str, str], list[str]] = {}
-    tables: list[pl.DataFrame] = []
-    made: dict[str, str] = {}
-    names: set[str] = set()
-    before = _made(out / _PAGES)
-    for wear in vehicles:
-        page = ""
-        if trends:
-            table = table_of(wear)
-            tables.append(table)
-            page = f"{_PAGES}/{_page_name(wear.vehicle, names)}.html"
-            made[page] = _write_page(wear, table, before, command, out, page)
-        rows.append(_row(wear, page))
-        _add_reasons(wear, reasons)
+    rows = [vehicle.row for vehicle in vehicles]
     if trends:
-        write_frame(pl.concat(tables, how="diagonal_relaxed"), out / WEAR)
-        text = dict.fromkeys(("alarms", "warnings"), pl.String)
-        table = pl.DataFrame([_listed(row) for row in rows], schema_overrides=text)
-        write_frame(table.fill_nan(None), out / VEHICLES)
-        with atomic_write(out / _PAGES / _MADE) as temporary:
-            temporary.write_text(json.dumps(made), encoding="utf-8")
-    write_page(document_of(FleetWear(rows, _reasons(reasons)), command), out / _INDEX)
-    return rows
+        table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema(), orient="row")
+        write_bytes(part_content(table.fill_nan(None)), out / VEHICLES)
+    write_page(document_of(FleetWear(rows, _reasons(vehicles)), command), out / _INDEX)
 
 
-def _made(folder: Path) -> Mapping[str, str]:
-    """Hashes of the content of an earlier run's pages."""
-    try:
-        hashes = json.loads((folder / _MADE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return hashes if isinstance(hashes, dict) else {}
+def _file_name(vehicle: str, taken: set[str]) -> str:
+    """A name for the files of a vehicle, unique on any system; it is added to `taken`.
 
-
-def _page_name(vehicle: str, taken: set[str]) -> str:
-    """A file name for a vehicle, unique on any system; it is added to `taken`.
-
-    A name that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
+    One that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
     """
     name = re.sub(r"[^\w.-]", "_", vehicle).encode()[:_LONGEST_NAME].decode(errors="ignore")
     if name != vehicle or name.startswith(".") or is_device(name) or _same(name) in taken:
@@ -253,18 +216,6 @@ def _page_name(vehicle: str, taken: set[str]) -> str:
 def _same(name: str) -> str:
     """Common form of file names that are one on some systems: they differ in case, or in composed letters."""
     return unicodedata.normalize("NFC", name).casefold()
-
-
-def _write_page(
-    wear: Wear, table: pl.DataFrame, before: Mapping[str, str], command: str, out: Path, address: str
-) -> str:
-    """Write the page of a vehicle if its content has changed; the hash of the content."""
-    make_folder(out / _PAGES)
-    content = json.dumps([version_and_source(), table.to_dicts(), repr(wear.left), wear.warnings], default=str)
-    digest = hashlib.sha256(content.encode()).hexdigest()
-    if before.get(address) != digest or not (out / address).exists():
-        write_page(document_of(WornClutch(wear, home=f"../{_INDEX}"), command), out / address)
-    return digest
 
 
 def _row(wear: Wear, page: str) -> VehicleRow:
@@ -283,30 +234,62 @@ def _row(wear: Wear, page: str) -> VehicleRow:
     )  # fmt: skip
 
 
-def _listed(row: VehicleRow) -> Mapping[str, object]:
-    """A vehicle as a row of a table."""
+#: Axes of lives that have a unit, and the name of one.
+_AXES = {"strokes": "stroke", "km": "km", "days": "day"}
 
-    def columns(name: str, band: Interval, factor: float = 1.0, unit: str = "") -> Mapping[str, float]:
-        return {f"{name}{side}{unit}": factor * value for side, value in zip(("", "_low", "_high"), band, strict=True)}
+#: A number and its interval by the ends of their columns.
+_SIDES = ("", "_low", "_high")
 
+
+def _vehicle_schema() -> dict[str, Any]:
+    """Columns of the table of vehicles with the types of Polars."""
+    import polars as pl
+
+    text, number, whole = pl.String, pl.Float64, pl.Int64
+    bands = [f"{name}{side}_mm" for name in ("shift", "wear") for side in _SIDES]
+    bands += [f"load_change{side}_percent" for side in _SIDES]
+    bands += [f"left_{axis}{side}" for axis in _AXES for side in _SIDES]
     return {
-        "vehicle": row.name, "type": row.type, "recordings": row.recordings, "counted": row.counted,
-        "last": row.last.isoformat() if row.last else None, "axis": row.axis,
-        **columns("shift", row.shift, 1e3, "_mm"), **columns("wear", row.wear, 1e3, "_mm"),
-        **columns("load_change", row.load), **columns("left", row.left), "alarms": "; ".join(row.alarms),
-        "warnings": " ".join(row.warnings),
+        "vehicle": text, "type": text, "recordings": whole, "counted": whole, "last": pl.Datetime("us", "UTC"),
+        "axis": text, **dict.fromkeys(bands, number),
+        **{f"rate_mm_per_{span}": number for span in _AXES.values()}, "limit_mm": number,
+        **dict.fromkeys(("alarms", "warnings", "file"), text),
     }  # fmt: skip
 
 
-def _add_reasons(wear: Wear, reasons: dict[tuple[str, str], list[str]]) -> None:
-    """Count reasons why recordings do not count, without names and numbers of single recordings."""
+def _listed(row: VehicleRow) -> Mapping[str, object]:
+    """A vehicle as a row of a table."""
+
+    def columns(name: str, band: Interval, factor: float, unit: str) -> Mapping[str, float]:
+        return {f"{name}{side}{unit}": factor * value for side, value in zip(_SIDES, band, strict=True)}
+
+    own = row.axis in _AXES
+    return {
+        "vehicle": row.name, "type": row.type or None, "recordings": row.recordings, "counted": row.counted,
+        "last": row.last, "axis": row.axis, **columns("shift", row.shift, 1e3, "_mm"),
+        **columns("wear", row.wear, 1e3, "_mm"), **columns("load_change", row.load, 100.0, "_percent"),
+        **(columns(f"left_{row.axis}", row.left, 1.0, "") if own else {}),
+        **({f"rate_mm_per_{_AXES[row.axis]}": 1e3 * row.rate} if own else {}),
+        "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
+        "file": row.page.removesuffix(".html"),
+    }  # fmt: skip
+
+
+def _reasons_of(wear: Wear) -> tuple[ReasonCount, ...]:
+    """Reasons why recordings do not count, without names and numbers of single recordings."""
+    recordings: dict[tuple[str, str], list[str]] = defaultdict(list)
     for row in wear.rows:
         if row.reason:
             sentence = _PARTICULAR.sub("…", row.reason.splitlines()[0])
-            reasons.setdefault((row.reading.status, sentence[:_LONGEST]), []).append(row.job.recording)
+            recordings[row.reading.status, sentence[:_LONGEST]].append(row.job.recording)
+    return tuple(ReasonCount(*reason, len(names), names[0]) for reason, names in recordings.items())
 
 
-def _reasons(reasons: Mapping[tuple[str, str], Sequence[str]]) -> list[ReasonCount]:
-    """The most frequent first."""
-    counts = [ReasonCount(status, sentence, len(names), names[0]) for (status, sentence), names in reasons.items()]
-    return sorted(counts, key=lambda count: -count.recordings)
+def _reasons(vehicles: Sequence[VehicleState]) -> list[ReasonCount]:
+    """Those of all vehicles, the most frequent first."""
+    counts: dict[tuple[str, str], ReasonCount] = {}
+    for vehicle in vehicles:
+        for reason in vehicle.reasons:
+            first = counts.get(reason[:2])
+            counts[reason[:2]] = reason if first is None else first._replace(recordings=first[2] + reason.recordings)
+    return sorted(counts.values(), key=lambda count: -count.recordings)

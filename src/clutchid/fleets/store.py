@@ -1,24 +1,30 @@
-"""Results of a run over a fleet: an SQLite file, which stays consistent however the run ends."""
+"""Index of a fleet: an SQLite file with what is known of every recording, consistent however a run ends.
+
+Results are first kept here, then written as parts of the table of recordings, from which a lost index is made anew.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from clutchid.errors import ExportError
-from clutchid.files import atomic_write, make_folder
+from clutchid.files import make_folder
+from clutchid.names import as_text
 from clutchid.processes import Timing
 from clutchid.verbs.folders import STORE
-from clutchid.wear.history import RecordingJob, WearReading, packed_reading, restored
+from clutchid.wear.history import RecordingJob, WearReading, dated, packed_reading, restored
+
+#: Folder of the parts of the table of recordings, beside the index.
+PARTS = "recordings"
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
@@ -26,46 +32,91 @@ COMMIT = 0.5
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
-#: Columns of what is done, with their types.
-_COLUMNS = {
-    "vehicle": "TEXT", "recording": "TEXT", "inputs": "TEXT NOT NULL", "file": "TEXT NOT NULL",
-    "status": "TEXT NOT NULL", "sha256": "TEXT NOT NULL", "reading": "TEXT NOT NULL", "curve": "BLOB",
-    "place": "TEXT NOT NULL", "timing": "TEXT NOT NULL", "checksum": "TEXT NOT NULL",
-}  # fmt: skip
 
-#: Columns of the version before, which knew of a recording neither its place in the life of its vehicle nor a worker.
-_BEFORE = [*list(_COLUMNS)[:-3], "seconds", "checksum"]
+class StoredRow(NamedTuple):
+    """A row of the index: names, what the result was made from, the result packed, its cost, its date and its part.
 
-_TABLE = f"""
-CREATE TABLE IF NOT EXISTS done (
-    {", ".join(map(" ".join, _COLUMNS.items()))}, PRIMARY KEY (vehicle, recording)
-);
+    `part` is empty until the row is in a part of the table; `checksum` is that of all columns before it.
+    """
+
+    vehicle: str
+    recording: str
+    inputs: str
+    file: str
+    status: str
+    sha256: str
+    reading: str
+    curve: bytes | None
+    place: str
+    timing: str
+    date: str
+    read_at: str
+    checksum: str = ""
+    part: str = ""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it matches its checksum."""
+        return self.checksum == _checksum(self[:-2])
+
+    def with_checksum(self) -> StoredRow:
+        """The row with the checksum of its content."""
+        return self._replace(checksum=_checksum(self[:-2]))
+
+    @property
+    def job(self) -> RecordingJob:
+        """The recording by its names, inputs, file and place."""
+        kind, begin, odometer, strokes, _, tags = json.loads(self.place)
+        began = datetime.fromisoformat(begin) if begin else None
+        own = tuple((str(name), str(value)) for name, value in tags)
+        return RecordingJob(
+            self.recording, self.vehicle, kind, began, odometer, strokes, inputs=self.inputs, file=self.file, tags=own
+        )
+
+    @property
+    def calibration(self) -> str:
+        """Name of the calibration from which it was read."""
+        return str(json.loads(self.place)[4])
+
+    @property
+    def result(self) -> WearReading:
+        """The reading."""
+        return restored(self.reading, self.curve)
+
+
+#: Columns of the index, of which only the load is no text.
+_COLUMNS = [f"{name} {'BLOB' if name == 'curve' else 'TEXT NOT NULL'}" for name in StoredRow._fields]
+
+_SCHEMA = f"""
+CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS done ({", ".join(_COLUMNS)}, PRIMARY KEY (vehicle, recording));
+CREATE TABLE IF NOT EXISTS parts (part TEXT PRIMARY KEY, count INTEGER NOT NULL);
+CREATE TABLE IF NOT EXISTS vehicles (vehicle TEXT PRIMARY KEY, made TEXT NOT NULL, state TEXT NOT NULL);
 """
-
-_SCHEMA = f"CREATE TABLE IF NOT EXISTS about (what TEXT PRIMARY KEY, value TEXT NOT NULL); {_TABLE}"
 
 #: Key of the checksum of what the run is about.
 _CHECKSUM = "checksum"
 
-#: A row of what is done, without and with its checksum.
-_StoredRow = tuple[str | float | bytes | None, ...]
-
 
 class RecordingRow(NamedTuple):
-    """A recording of a fleet, what its reading gave, what that cost, and whether the samples are not there any more."""
+    """A recording of a fleet, what its reading gave, what that cost, and when it was read (ISO 8601)."""
 
     job: RecordingJob
     reading: WearReading
     timing: Timing = Timing()
-    file_gone: bool = False
+    read_at: str = ""
 
 
 class StoredKey(NamedTuple):
-    """A stored recording without its reading: its job with names, inputs, file and place, its checksum and status."""
+    """A recording of the index without its reading: its job, status, and the checksums of its file and of its row."""
 
     job: RecordingJob
     checksum: str
     status: str
+    place: str
+    read_at: str
+    row: str
+    part: str
 
     @property
     def has_result(self) -> bool:
@@ -75,7 +126,7 @@ class StoredKey(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Store:
-    """An open store, locked against other runs.
+    """An open index, locked against other runs.
 
     A row whose checksum is not that of its content does not count, so that its recording is read again.
     """
@@ -84,37 +135,87 @@ class Store:
     base: sqlite3.Connection
 
     def keys(self) -> dict[tuple[str, str], StoredKey]:
-        """The finished recordings by vehicle and recording."""
-        return {(row[0], row[1]): StoredKey(_job(row), row[5], row[4]) for row in self._rows()}
+        """The recordings of the index by vehicle and recording, in their order."""
+        rows = self._rows("ORDER BY vehicle, recording")
+        return {row[:2]: StoredKey(row.job, row.sha256, row.status, row.place, *row[-3:]) for row in rows}
 
-    def results(self) -> Iterator[RecordingRow]:
-        """All results, in the order of vehicle and recording; of a job its names, inputs, file and place are kept."""
-        return map(_kept, self._rows())
+    def of_vehicle(self, vehicle: str) -> dict[str, StoredRow]:
+        """The rows of a vehicle by recording."""
+        return {row.recording: row for row in self._rows("WHERE vehicle = ?", vehicle)}
 
-    def _rows(self) -> Iterator[tuple[Any, ...]]:
-        """The intact rows, in the order of vehicle and recording."""
+    def pending(self) -> Iterator[StoredRow]:
+        """The rows that are in no part yet, in the order of date, vehicle and recording."""
+        return self._rows("WHERE part NOT IN (SELECT part FROM parts) ORDER BY date, vehicle, recording")
+
+    def _rows(self, which: str, *values: str) -> Iterator[StoredRow]:
+        """The intact rows that meet a condition."""
         with _room(self.path):
-            yield from filter(_is_whole, self.base.execute("SELECT * FROM done ORDER BY vehicle, recording"))
+            for row in self.base.execute(f"SELECT * FROM done {which}", values):
+                stored = StoredRow(*row)
+                if stored.is_whole:
+                    yield stored
 
-    def put(self, result: RecordingRow) -> None:
-        """Keep a result; it is on the disk after `saved`."""
+    def put(self, rows: Iterable[StoredRow]) -> None:
+        """Keep rows; they are on the disk after `saved`."""
         with _room(self.path):
-            _insert(self.base, [_row(result)])
+            _insert(self.base, rows)
 
     def rename(self, same: Sequence[tuple[tuple[str, str], RecordingJob]]) -> None:
-        """Keep readings under the names, files and places of jobs too, whose samples are those under other keys."""
+        """Keep readings under the names, files and places of jobs too, whose samples are those under other keys.
+
+        Only a row that has another name or place is to be written again.
+        """
         with _room(self.path):
             where = "SELECT * FROM done WHERE vehicle = ? AND recording = ?"
-            rows = [(job, row) for key, job in same for row in self.base.execute(where, key).fetchall()]
+            rows = [(job, StoredRow(*row)) for key, job in same for row in self.base.execute(where, key).fetchall()]
             renamed = (
-                (job.vehicle, job.recording, row[2], job.file, *row[4:8], place_of(job), row[9]) for job, row in rows
+                (stored_row(RecordingRow(replace(job, inputs=row.inputs), row.result, _timing(row), row.read_at)), row)
+                for job, row in rows
             )
-            _insert(self.base, list(map(_with_checksum, renamed)))
+            as_before = ((new, row, (*new[:2], new.place) == (*row[:2], row.place)) for new, row in renamed)
+            _insert(self.base, [new._replace(part=row.part if same_row else "") for new, row, same_row in as_before])
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
-        """Delete results by vehicle and recording."""
+        """Delete recordings by vehicle and recording."""
         with _room(self.path):
             self.base.executemany("DELETE FROM done WHERE vehicle = ? AND recording = ?", list(keys))
+
+    def parts(self) -> dict[str, int]:
+        """The parts of the table that the index knows, each with its number of rows."""
+        with _room(self.path):
+            return dict(self.base.execute("SELECT part, count FROM parts ORDER BY part"))
+
+    def set_part(self, part: str, count: int, rows: Iterable[tuple[str, str]] = (), old: Iterable[str] = ()) -> None:
+        """Keep that a part has been written, which holds rows by vehicle and recording, and those of `old` parts."""
+        with _room(self.path):
+            self.base.execute("INSERT OR REPLACE INTO parts VALUES (?, ?)", (part, count))
+            where = "UPDATE done SET part = ? WHERE vehicle = ? AND recording = ?"
+            self.base.executemany(where, ((part, *key) for key in rows))
+            before = [(name,) for name in old]
+            self.base.executemany("DELETE FROM parts WHERE part = ?", before)
+            self.base.execute("CREATE TEMP TABLE IF NOT EXISTS folded (part TEXT PRIMARY KEY)")
+            self.base.execute("DELETE FROM folded")
+            self.base.executemany("INSERT INTO folded VALUES (?)", before)
+            if before:
+                self.base.execute("UPDATE done SET part = ? WHERE part IN (SELECT part FROM folded)", (part,))
+            self.base.commit()
+
+    def lose_parts(self, names: Iterable[str]) -> None:
+        """Forget parts that are not there any more, so that their rows are in no part."""
+        with _room(self.path):
+            self.base.executemany("DELETE FROM parts WHERE part = ?", [(name,) for name in names])
+
+    def vehicles(self) -> dict[str, tuple[str, str]]:
+        """States of vehicles, each with the hash of what it was made from."""
+        with _room(self.path):
+            rows = self.base.execute("SELECT * FROM vehicles")
+            return {vehicle: (made, state) for vehicle, made, state in rows}
+
+    def put_vehicles(self, states: Mapping[str, tuple[str, str]]) -> None:
+        """Keep the states of all vehicles, and no others."""
+        with _room(self.path):
+            self.base.execute("DELETE FROM vehicles")
+            self.base.executemany("INSERT INTO vehicles VALUES (?, ?, ?)", ((v, *state) for v, state in states.items()))
 
     def saved(self, last: float = 0.0) -> float:
         """Write results to the disk, unless that was done a moment before; the time of the last write."""
@@ -143,7 +244,7 @@ def run_store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
     path = folder / STORE
     make_folder(folder, "--out")
     try:
-        occupied = not path.exists() and any(folder.iterdir())
+        occupied = not path.exists() and any(folder.iterdir()) and not (folder / PARTS).is_dir()
     except OSError as error:
         raise ExportError(f"--out {folder}: cannot be read ({error.strerror}); name another folder.") from error
     if occupied:
@@ -165,17 +266,13 @@ def run_store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
 
 
 def _whole(path: Path) -> sqlite3.Connection:
-    """An open file without faults, locked against other runs; of a damaged file a copy with its intact rows."""
+    """An open file without faults, locked against other runs; a new one instead of a damaged one."""
     try:
         return _connected(path)
     except sqlite3.DatabaseError as error:
         if getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF != sqlite3.SQLITE_CORRUPT:
             raise
-    rows = _readable(path)
-    with atomic_write(path) as temporary, closing(sqlite3.connect(temporary)) as new:
-        new.executescript(_SCHEMA)
-        _insert(new, rows)
-        new.commit()
+    path.unlink()
     path.with_name(f"{path.name}-journal").unlink(missing_ok=True)  # of the damaged file
     return _connected(path)
 
@@ -206,18 +303,6 @@ def _check_integrity(base: sqlite3.Connection) -> None:
         raise sqlite3.DatabaseError(fault)
 
 
-def _readable(path: Path) -> list[_StoredRow]:
-    """The intact rows of a damaged file: those before its first fault, and those after its last."""
-    rows: dict[object, _StoredRow] = {}
-    for order in ("ASC", "DESC"):
-        with suppress(sqlite3.DatabaseError), closing(sqlite3.connect(path, timeout=1.0)) as base:
-            base.text_factory = _text
-            for row in base.execute(f"SELECT * FROM done NOT INDEXED ORDER BY rowid {order}"):
-                if _is_whole(row):
-                    rows[row[:2]] = row
-    return list(rows.values())
-
-
 def _text(content: bytes) -> str:
     """Text of a file that may be damaged."""
     return content.decode("utf-8", "replace")
@@ -225,12 +310,7 @@ def _text(content: bytes) -> str:
 
 def _check_columns(base: sqlite3.Connection, folder: Path) -> None:
     columns = [column[0] for column in base.execute("SELECT * FROM done LIMIT 0").description]
-    if columns == _BEFORE:
-        rows = [(*row[:8], "[]", json.dumps([row[8]])) for row in filter(_is_whole, base.execute("SELECT * FROM done"))]
-        base.execute("DROP TABLE done")
-        base.execute(_TABLE)
-        _insert(base, map(_with_checksum, rows))
-    elif columns != list(_COLUMNS):
+    if columns != list(StoredRow._fields):
         raise ExportError(
             f"--out {folder}: its {STORE} is not from this version of clutchid; name another folder: "
             "`clutchid fleet ... --out NEWFOLDER` makes its results anew."
@@ -284,35 +364,25 @@ def _checksum(values: Iterable[object]) -> str:
     return total.hexdigest()
 
 
-def _is_whole(row: _StoredRow) -> bool:
-    """Whether a row matches its checksum."""
-    return row[-1] == _checksum(row[:-1])
+def _insert(base: sqlite3.Connection, rows: Iterable[StoredRow]) -> None:
+    base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(StoredRow._fields))})", rows)
 
 
-def _insert(base: sqlite3.Connection, rows: Iterable[_StoredRow]) -> None:
-    base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(_COLUMNS))})", rows)
-
-
-def _with_checksum(row: _StoredRow) -> _StoredRow:
-    return (*row, _checksum(row))
-
-
-def _row(result: RecordingRow) -> _StoredRow:
+def stored_row(result: RecordingRow) -> StoredRow:
+    """The row of a result, in no part yet."""
     job, reading = result.job, result.reading
-    key = job.vehicle, job.recording, job.inputs, job.file, reading.status, reading.sha256
-    return _with_checksum((*key, *packed_reading(reading), place_of(job), json.dumps(result.timing)))
+    begin = dated(job, reading.clock).begin
+    return StoredRow(
+        job.vehicle, job.recording, job.inputs, job.file, reading.status, reading.sha256, *packed_reading(reading),
+        place_of(job), json.dumps(result.timing), f"{begin.astimezone(UTC):%Y-%m-%d}" if begin else "", result.read_at,
+    ).with_checksum()  # fmt: skip
 
 
 def place_of(job: RecordingJob) -> str:
-    """Type of the vehicle, and place of a recording in its life, as a table has them; they are kept with a reading."""
-    return json.dumps([job.type, job.begin.isoformat() if job.begin else None, job.odometer, job.strokes])
+    """What a table and the calibrations say of a recording: type, time, distance, strokes, calibration, and tags."""
+    begin, calibration = job.begin.isoformat() if job.begin else None, as_text(job.start.name) if job.start else ""
+    return json.dumps([job.type, begin, job.odometer, job.strokes, calibration, job.tags])
 
 
-def _job(row: tuple[Any, ...]) -> RecordingJob:
-    kind, begin, odometer, strokes = json.loads(row[8]) or ("", None, math.nan, math.nan)
-    began = datetime.fromisoformat(begin) if begin else None
-    return RecordingJob(row[1], row[0], kind, began, odometer, strokes, inputs=row[2], file=row[3])
-
-
-def _kept(row: tuple[Any, ...]) -> RecordingRow:
-    return RecordingRow(_job(row), restored(row[6], row[7]), Timing(*json.loads(row[9])))
+def _timing(row: StoredRow) -> Timing:
+    return Timing(*json.loads(row.timing))

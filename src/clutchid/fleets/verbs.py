@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -13,18 +14,11 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import (
-    COMPILATION,
-    Fleet,
-    NoRecordingsError,
-    by_own_name,
-    compile_first,
-    fleet_of,
-    read_all,
-    tasks,
-    with_missing,
-)
-from clutchid.fleets.output import RESULTS, VEHICLES, vehicles_of, write_results, write_vehicles
+from clutchid.fleets.jobs import Fleet, NoRecordingsError, by_own_name, fleet_of, key_of, with_inputs, with_missing
+from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, vehicles_of, write_fleet, write_results
+from clutchid.fleets.parts import adopt, append
+from clutchid.fleets.plan import COMPILATION, compile_first, planned, read_all, states_of
+from clutchid.fleets.storage import FolderStorage
 from clutchid.fleets.store import run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
@@ -84,6 +78,7 @@ def fleet(
     retry: bool = False,
     fail_share: float = 0.2,
     forget_missing: bool = False,
+    table: bool = False,
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -113,6 +108,8 @@ def fleet(
         vehicle has no reading at all.
     forget_missing : bool
         Leave out recordings whose files are gone; else their readings are kept.
+    table : bool
+        Write ``results.parquet`` also for more than 100,000 recordings, of which the parts alone are written else.
     ambient : Pa, optional
         Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
@@ -158,23 +155,36 @@ def fleet(
     tables = _wear_tables(calibrations)
     how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
+    storage = FolderStorage(folder)
     with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
-        todo = tasks(listed, reading, how, base, retry=retry)
-        listed = with_missing(listed, calibrations, base, forget=forget_missing)
+        adopt(base, storage)
+        keys = base.keys()
+        listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, how)
         if not listed.jobs:
             raise NoRecordingsError(absent)
-        if todo:
+        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing)
+        base.rename(plan.same)
+        base.forget(plan.forgotten)
+        if plan.todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
-                compile_first(how, {job.start for job in todo if job.start})
-            read_all(place, partial(read_recording, reading, how), todo, base, progress or (lambda _done, _all: None))
-        trends = verb == "track"
-        statuses, gone = write_results(listed, base, folder, trends=trends)
-        vehicles = vehicles_of(listed, base, lambda job: LifeLimits(limit, tables.of(job)))
-        rows = write_vehicles(vehicles, command, folder, trends=trends)
+                compile_first(how, {job.start for job in plan.todo if job.start})
+            read = partial(read_recording, reading, how)
+            read_all(place, read, plan.todo, keys, base, progress or (lambda _done, _all: None))
+        append(base, storage)
+        jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
+        trends, states = verb == "track", states_of(jobs, base.keys())
+        statuses, gone = Counter(state.status for state in states), sum(state.file_gone for state in states)
+        if table or len(states) <= MOST_ROWS:
+            write_results(states, base, storage, folder)
+        vehicles = vehicles_of(
+            states, base, lambda job: LifeLimits(limit, tables.of(job)), command, folder, trends=trends
+        )
+        write_fleet(vehicles, command, folder, trends=trends)
+    rows = [vehicle.row for vehicle in vehicles]
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     failure = _failure(rows, fail_share, trends=trends)
-    return FleetRun(statuses, len(rows), len(todo), folder, tuple(filter(None, warnings)), failure)
+    return FleetRun(statuses, len(rows), len(plan.todo), folder, tuple(filter(None, warnings)), failure)
 
 
 def _time_warnings(rows: Sequence[VehicleRow]) -> str:
@@ -185,7 +195,7 @@ def _time_warnings(rows: Sequence[VehicleRow]) -> str:
     first, count = warned[0], len(warned)
     return (
         f"times of recordings of {count:,} vehicle{'s' if count > 1 else ''} are missing or contradict: column "
-        f"`warnings` of {VEHICLES} and {RESULTS}; {first.name}: {first.warnings[0]}"
+        f"`warnings` of {VEHICLES}; {first.name}: {first.warnings[0]}"
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,24 +94,29 @@ def no_recordings(where: str, beside: str) -> str:
     return f"{where}: has no recordings; they are files with {SUFFIXES_SHOWN}.{hint}"
 
 
+#: Files by the names of their rows, then by their folders.
+_Named = Mapping[str, Mapping[str, Sequence[Path]]]
+
+
 @dataclass(frozen=True, slots=True)
 class FilesByName:
-    """The files of folders that the rows of a table name."""
+    """The files of folders that the rows of a table name, by name and folder."""
 
-    recordings: Mapping[str, Sequence[Path]]
-    others: Mapping[str, Sequence[Path]]
+    recordings: _Named
+    others: _Named
 
     def located(self, row: RecordingJob) -> RecordingJob:
         """A row with its file: one in a folder of the vehicle before others, a recording by its suffix before others.
 
         Without one, or with several, it has the problem with that.
         """
-        groups = [files.get(row.recording, ()) for files in (self.recordings, self.others)]
-        own = [[path for path in group if as_text(path.parent.name) == row.vehicle] for group in groups]
-        files = next((group for group in (*own, *groups) if group), ())
+        folders = [files.get(row.recording, {}) for files in (self.recordings, self.others)]
+        own = (files.get(row.vehicle, ()) for files in folders)
+        several = ([path for paths in files.values() for path in paths] for files in folders)
+        files = next((group for group in chain(own, several) if group), ())
         if len(files) == 1:
             return replace(row, path=files[0])
-        names = [f"'{as_text(str(path))}'" for path in files[:3]]
+        names = [f"'{as_text(str(path))}'" for path in sorted(files)[:3]]
         problem = f"several files have its name: {', '.join(names)}; rename all but one." if names else _ABSENT
         return replace(row, problem=problem)
 
@@ -118,11 +124,11 @@ class FilesByName:
 def files_by_name(content: FolderContent, names: Collection[str]) -> FilesByName:
     """The files of a folder by the `names` of a table."""
 
-    def named(paths: Iterable[Path]) -> Mapping[str, Sequence[Path]]:
-        groups: dict[str, list[Path]] = {}
+    def named(paths: Iterable[Path]) -> _Named:
+        groups: dict[str, dict[str, list[Path]]] = {}
         for path in paths:
             if name := name_in(names, path):
-                groups.setdefault(name, []).append(path)
+                groups.setdefault(name, {}).setdefault(as_text(path.parent.name), []).append(path)
         return groups
 
     return FilesByName(named(content.recordings), named(content.others))

@@ -91,12 +91,17 @@ def counted_once(named: Iterable[tuple[str, WearReading]]) -> Iterator[WearReadi
     for name, read in named:
         checksum = read.sha256 if read.has_result else ""
         if checksum in first:
-            sentence = f"the same recording as {first[checksum]}; it counts once."
-            yield read._replace(status="warning", message=sentence, measurement=None, reason=sentence, apart=True)
+            yield as_copy(read, first[checksum])
             continue
         if checksum:
             first[checksum] = name
         yield read
+
+
+def as_copy(read: WearReading, name: str) -> WearReading:
+    """The reading of a recording whose samples are those of another one."""
+    sentence = f"the same recording as {name}; it counts once."
+    return read._replace(status="warning", message=sentence, measurement=None, reason=sentence, apart=True)
 
 
 def checksum_of(path: Path | None) -> str:

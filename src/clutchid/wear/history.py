@@ -63,6 +63,8 @@ class RecordingJob:
         What its result depends on: version and calibration, and size and time of its file.
     warnings
         What is missing or contradicts in its time, one sentence each.
+    tags
+        Further columns of a table of recordings and their values, such as its depot.
     """
 
     recording: str
@@ -77,6 +79,7 @@ class RecordingJob:
     inputs: str = ""
     file: str = ""
     warnings: tuple[str, ...] = ()
+    tags: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,25 +108,25 @@ def arranged(jobs: Sequence[RecordingJob], readings: Sequence[WearReading]) -> H
     jobs, readings
         Each recording as a table has it, and what its reading gave, which has the start time in its file (ISO 8601).
     """
-    dated = [_dated(job, reading.clock) for job, reading in zip(jobs, readings, strict=True)]
-    everything = sorted(range(len(dated)), key=lambda i: _place(dated[i]))
+    rows = [dated(job, reading.clock) for job, reading in zip(jobs, readings, strict=True)]
+    everything = sorted(range(len(rows)), key=lambda i: _place(rows[i]))
     order, apart = (tuple(i for i in everything if readings[i].has_place is has) for has in (True, False))
     for i in apart:
-        dated[i] = replace(dated[i], warnings=())
-    warnings = [f"{dated[i].recording}: {sentence}" for i in sorted(order) for sentence in dated[i].warnings]
-    missing = [i for i in sorted(order) if dated[i].begin is None]
+        rows[i] = replace(rows[i], warnings=())
+    warnings = [f"{rows[i].recording}: {sentence}" for i in sorted(order) for sentence in rows[i].warnings]
+    missing = [i for i in sorted(order) if rows[i].begin is None]
     if 0 < len(missing) < len(order):
-        warnings.append(f"{listed([dated[i].recording for i in missing], 3)}: {_NO_TIME}")
+        warnings.append(f"{listed([rows[i].recording for i in missing], 3)}: {_NO_TIME}")
         for i in missing:
-            dated[i] = replace(dated[i], warnings=(*dated[i].warnings, _NO_TIME))
+            rows[i] = replace(rows[i], warnings=(*rows[i].warnings, _NO_TIME))
     if len(missing) == len(order) > 1:
         warnings.append("no recording has a time; they are taken in the order of their names.")
-    axis, s = _axis([dated[i] for i in order], warnings)
-    return History(order, apart, tuple(dated), axis, s, tuple(warnings))
+    axis, s = _axis([rows[i] for i in order], warnings)
+    return History(order, apart, tuple(rows), axis, s, tuple(warnings))
 
 
-def _dated(job: RecordingJob, clock: str) -> RecordingJob:
-    """A recording with its time, and what contradicts in it."""
+def dated(job: RecordingJob, clock: str) -> RecordingJob:
+    """A recording with its time by the clock of its file, else the table, else its name, and what contradicts in it."""
     warnings: list[str] = []
     of_file, of_table, of_name = _instant(clock), job.begin, _date_in(job.recording)
     if of_file is not None and of_file < _CLOCKS:

@@ -26,6 +26,9 @@ Key = TypeVar("Key", bound=Hashable)
 #: Columns of a table of load against wear, in mm, mm and N.
 _WEAR_COLUMNS = ("wear [mm]", "half_load [mm]", "load [N]")
 
+#: Columns of a table of recordings; all others are tags.
+_RECORDING_COLUMNS = ("recording", "vehicle", "type", "date", "odometer_km", "strokes")
+
 #: Bytes of a table: a hundred for each of a million recordings.
 _LARGEST = 100_000_000
 
@@ -41,6 +44,8 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 def read_table(path: Path) -> dict[str, RecordingJob]:
     """The table of recordings by stem: columns recording, and any of vehicle, type, date, odometer_km and strokes.
+
+    Other columns are tags, such as the depot of the vehicle.
 
     Raises
     ------
@@ -152,7 +157,13 @@ def _listed(row: Mapping[str, str]) -> RecordingJob:
         begin.replace(tzinfo=UTC) if begin and not begin.tzinfo else begin,
         _number(row, "odometer_km", _MOST_KM),
         _number(row, "strokes", _MOST_STROKES),
+        tags=tuple((tag, row[column]) for column in row if (tag := tag_of(column)) and row[column]),
     )
+
+
+def tag_of(column: str) -> str:
+    """Name of a tag, in lower-case letters, digits and underscores, for a further column; empty for a known one."""
+    return "" if column in _RECORDING_COLUMNS else re.sub(r"\W+", "_", column.lower()).strip("_")
 
 
 def _number(row: Mapping[str, str], name: str, most: float) -> float:

@@ -1,0 +1,233 @@
+"""The table of recordings: Parquet parts by date, to which every run appends, and from which its index can be made.
+
+A part is named by its content, so that writing it twice is writing it once. Small parts of a date are folded into one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clutchid.fleets.storage import Storage
+from clutchid.fleets.store import PARTS, Store, StoredRow
+from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.wear.history import dated
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Version of the columns of all tables of a fleet; columns may be added under the same number.
+SCHEMA_VERSION = "1"
+
+#: Value of an unknown date in the name of a folder, as Hive, Spark, DuckDB and Polars have it.
+_NO_DATE = "__HIVE_DEFAULT_PARTITION__"
+
+#: Rows of a part that is not folded with others of its date.
+_FULL = 1000
+
+#: Positions in mm at which the table has the load.
+PLACES = (5, 6, 7, 8)
+
+#: A number with its interval, by the ends of their names.
+_SIDES = ("", "_low", "_high")
+
+#: The name of a part in its place.
+_PART = re.compile(rf"{PARTS}/date=([^/]+)/part-[0-9a-f]+\.parquet")
+
+
+def _columns() -> dict[str, Any]:
+    """Columns of a recording by type: text, number, whole number, time, truth, or the points of its load."""
+    text: Sequence[str] = ("vehicle", "type", "recording")
+    loads = [f"load_{place}mm{side}_N" for place in PLACES for side in _SIDES]
+    numbers = [
+        *loads, *(f"peak{side}_N" for side in _SIDES), *(f"half_load{side}_mm" for side in _SIDES), "shift_mm",
+        "shift_std_mm", "load_change_percent", "load_change_std_percent", "temperature_K",
+        *(f"rest_shift{side}_mm" for side in _SIDES), "leak_m3_per_Pa_s", "leak_std_m3_per_Pa_s",
+    ]  # fmt: skip
+    return {
+        **dict.fromkeys(text, str), "begin": datetime, "odometer_km": float, "strokes": float, "is_recording": bool,
+        **dict.fromkeys(("status", "message", "trust", "reason", "changes"), str), **dict.fromkeys(numbers, float),
+        **dict.fromkeys(("sha256", "by", "calibration", "calibration_sha256", "version"), str),
+        "read_at": datetime, "written_at": datetime,
+        "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
+    }  # fmt: skip
+
+
+#: Columns of the load of a recording, lists of numbers; the record is what the index is made from again.
+_LOAD, _RECORD = ("position_m", "force_N", "low_N", "high_N"), "record"
+
+
+def schema(tags: Iterable[str] = (), *, whole: bool = True) -> dict[str, Any]:
+    """Columns of the table with the types of Polars, in their order; without loads and record if it is not `whole`."""
+    import polars as pl
+
+    kinds = {
+        str: pl.String, float: pl.Float64, bool: pl.Boolean, int: pl.Int64, datetime: pl.Datetime("us", "UTC"),
+    }  # fmt: skip
+    rest = {**dict.fromkeys(_LOAD, pl.List(pl.Float64)), _RECORD: pl.String} if whole else {}
+    return {name: kinds[kind] for name, kind in _columns().items()} | dict.fromkeys(sorted(tags), pl.String) | rest
+
+
+def frame_of(rows: Sequence[StoredRow], *, whole: bool = True) -> pl.DataFrame:
+    """Rows of the table for rows of the index; without loads and records if it is not to be `whole`."""
+    import polars as pl
+
+    records = [_record(row, whole=whole) for row in rows]
+    tags = {name for record in records for name in record if name.startswith("tag_")}
+    return pl.DataFrame(records, schema(tags, whole=whole), orient="row").fill_nan(None)
+
+
+def _record(row: StoredRow, *, whole: bool) -> dict[str, Any]:
+    reading, inputs = row.result, json.loads(row.inputs or "[]")
+    job, measured, leak, rest = dated(row.job, reading.clock), reading.measurement, reading.leak, reading.rest
+    wall, processor, host, worker, attempt = json.loads(row.timing)
+    start, made, verb = (*inputs[:3], *[None] * 3)[:3]
+    return {
+        "vehicle": row.vehicle, "type": job.type or None, "recording": row.recording, "begin": job.begin,
+        "odometer_km": job.odometer, "strokes": job.strokes, "is_recording": not reading.apart,
+        "status": row.status, "message": reading.message, "trust": reading.trust, "reason": reading.unmeasured,
+        "changes": ", ".join(reading.changes),
+        **_loads(reading.curve),
+        **_banded("half_load", reading.half_load, "_mm", 1e3),
+        "shift_mm": 1e3 * measured.shift if measured else None,
+        "shift_std_mm": 1e3 * measured.shift_std if measured else None,
+        "load_change_percent": 100.0 * measured.load if measured else None,
+        "load_change_std_percent": 100.0 * measured.load_std if measured else None,
+        "temperature_K": measured.temperature if measured else None,
+        **(_banded("rest_shift", (rest.value, rest.low, rest.high), "_mm", 1e3) if rest else {}),
+        "leak_m3_per_Pa_s": leak.conductance if leak else None, "leak_std_m3_per_Pa_s": leak.std if leak else None,
+        "sha256": row.sha256 or None, "by": {"fit": "estimate"}.get(verb, verb), "calibration": row.calibration or None,
+        "calibration_sha256": start, "version": made["clutchid"] if made else None,
+        "read_at": _instant(row.read_at), "written_at": datetime.now(UTC), "wall_s": wall, "processor_s": processor,
+        "host": host, "worker": worker, "attempt": attempt or None,
+        **{f"tag_{name}": value for name, value in job.tags},
+        **(_whole(row, reading.curve) if whole else {}),
+    }  # fmt: skip
+
+
+def _instant(text: str) -> datetime | None:
+    return datetime.fromisoformat(text) if text else None
+
+
+def _banded(name: str, sides: Sequence[float], unit: str, factor: float = 1.0) -> dict[str, float]:
+    """A number with its interval."""
+    return {f"{name}{end}{unit}": factor * value for end, value in zip(_SIDES, sides, strict=True)}
+
+
+def _loads(curve: LoadCurve | None) -> dict[str, float]:
+    """The load at `PLACES` that it reaches, and its peak, with the intervals there."""
+    if curve is None or not np.isfinite(curve.force).any():
+        return {}
+    position, *sides = curve.table().T
+    peak = int(np.nanargmax(curve.force))
+    numbers = _banded("peak", [float(side[peak]) for side in sides], "_N")
+    for place in PLACES:
+        if 1e-3 * place <= position[-1]:
+            loads = [float(np.interp(1e-3 * place, position, side)) for side in sides]
+            numbers |= _banded(f"load_{place}mm", loads, "_N")
+    return numbers
+
+
+def _whole(row: StoredRow, curve: LoadCurve | None) -> dict[str, Any]:
+    """The points of a load, and what else the row of the index is."""
+    points = curve.table().T.tolist() if curve else [None] * 4
+    record = [row.inputs, row.file, row.reading, row.place, row.timing, row.date, row.read_at]
+    return dict(zip(_LOAD, points, strict=True)) | {_RECORD: json.dumps(record)}
+
+
+def _restored(row: Mapping[str, Any]) -> StoredRow:
+    """The row of the index for one of the table."""
+    inputs, file, reading, place, timing, date, read_at = json.loads(row[_RECORD])
+    points = [row[name] for name in _LOAD]
+    curve = None if points[0] is None else np.array(points, dtype="<f8").tobytes()
+    return StoredRow(
+        row["vehicle"], row["recording"], inputs, file, row["status"], row["sha256"] or "", reading, curve, place,
+        timing, date, read_at,
+    ).with_checksum()  # fmt: skip
+
+
+def part_content(frame: pl.DataFrame) -> bytes:
+    """A table as Parquet, with the version of its columns in the metadata."""
+    content = io.BytesIO()
+    frame.write_parquet(content, metadata={"schema_version": SCHEMA_VERSION})
+    return content.getvalue()
+
+
+def _part_name(date: str, rows: Iterable[str]) -> str:
+    """Name of a part of a date, by the checksums of its rows."""
+    return f"{PARTS}/date={date or _NO_DATE}/part-{hashlib.sha256(' '.join(rows).encode()).hexdigest()[:16]}.parquet"
+
+
+def adopt(store: Store, storage: Storage) -> None:
+    """Take into the index the rows of parts that it does not know: of another process, or after the index was lost.
+
+    Of several rows of a recording the newest counts. What was in parts that are gone is written again.
+    """
+    import polars as pl
+
+    names, known = {name for name in storage.names(f"{PARTS}/") if _PART.fullmatch(name)}, store.parts()
+    store.lose_parts(known.keys() - names)
+    if not names - known.keys():
+        return
+    newest = {key: (entry.read_at, "") for key, entry in store.keys().items()}
+    for name in sorted(names - known.keys()):
+        rows = []
+        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+        for entry in table.iter_rows(named=True):
+            row = _restored(entry)
+            key, age = row[:2], (row.read_at, entry["written_at"].isoformat())
+            if key not in newest or (newest[key][1] and age > newest[key]) or age[0] > newest[key][0]:
+                newest[key] = age
+                rows.append(row._replace(part=name))
+        store.put(rows)
+        store.set_part(name, table.height)
+
+
+def append(store: Store, storage: Storage) -> None:
+    """Write the rows that are in no part yet, a part a date; then fold small parts of a date into one."""
+    for date, rows in groupby(store.pending(), key=lambda row: row.date):
+        some = list(rows)
+        name = _part_name(date, [row.checksum for row in some])
+        storage.write(name, part_content(frame_of(some)))
+        store.set_part(name, len(some), [row[:2] for row in some])
+    _fold(store, storage)
+
+
+def _fold(store: Store, storage: Storage) -> None:
+    """Fold the small parts of a date into one, of which a run that ends in between leaves nothing twice."""
+    import polars as pl
+
+    small: dict[str, list[str]] = defaultdict(list)
+    for name, count in store.parts().items():
+        if count < _FULL and (match := _PART.fullmatch(name)):
+            small[match[1]].append(name)
+    for date, names in small.items():
+        if len(names) > 1:
+            tables = [pl.read_parquet(io.BytesIO(storage.read(name))) for name in names]
+            table = pl.concat(tables, how="diagonal_relaxed").unique(["vehicle", "recording", _RECORD], keep="first")
+            folded = table.sort("vehicle", "recording", "written_at")
+            content = map(str, folded.select("vehicle", "recording", _RECORD).rows())
+            name = _part_name("" if date == _NO_DATE else date, content)
+            storage.write(name, part_content(folded))
+            store.set_part(name, folded.height, old=[other for other in names if other != name])
+            storage.delete([other for other in names if other != name])
+
+
+def rows_in_parts(storage: Storage, keys: Mapping[str, Sequence[tuple[str, str]]]) -> Iterator[pl.DataFrame]:
+    """The rows of the table by part, vehicle and recording, without loads; of parts that are not there none."""
+    import polars as pl
+
+    for name, own in keys.items():
+        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+        wanted = pl.DataFrame(own, {"vehicle": pl.String, "recording": pl.String}, orient="row")
+        rows = table.drop(*_LOAD, _RECORD).join(wanted, on=["vehicle", "recording"], how="semi", maintain_order="left")
+        yield rows.unique(["vehicle", "recording"], keep="last", maintain_order=True)

@@ -1,0 +1,210 @@
+"""What is to be read of a fleet, its reading by workers, and what is known of every recording after it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import UTC, datetime
+from functools import partial
+from importlib.resources import as_file, files
+from pathlib import Path
+from time import monotonic
+from typing import NamedTuple
+
+from clutchid.fleets.cluster import Workers, results
+from clutchid.fleets.jobs import key_of
+from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
+from clutchid.processes import Pool
+from clutchid.verbs.reading import Reading
+from clutchid.verbs.start import compile_models
+from clutchid.verbs.wear_reading import as_copy, checksum_of, read_recording, unless_lost
+from clutchid.wear.history import RecordingJob, WearReading
+
+#: A recording by vehicle and name.
+Key = tuple[str, str]
+
+#: Lost results, which are tried again where the user says so.
+_LOST = ("killed", "timed_out")
+
+#: A recording without a result.
+_NONE = StoredKey(RecordingJob(""), "", "", "", "", "", "")
+
+
+class Plan(NamedTuple):
+    """Recordings to be read; readings that other names have too, each with its key; and keys that are forgotten."""
+
+    todo: Sequence[RecordingJob]
+    same: Sequence[tuple[Key, RecordingJob]]
+    forgotten: frozenset[Key]
+
+
+def planned(jobs: Iterable[RecordingJob], keys: Mapping[Key, StoredKey], *, retry: bool, forget: bool) -> Plan:
+    """What is to be done: recordings without a result, or whose file, calibration or clutchid has changed since.
+
+    With `retry` also those that ended their worker or took too long; with `forget` readings without a file are
+    forgotten. What identifies a reading is the SHA-256 of the file with the inputs: the same file under another name
+    has the reading already, and takes it over from a name whose file is gone.
+    """
+    there = {key_of(job) for job in jobs if job.file}
+    by_checksum = {entry.checksum: key for key, entry in keys.items() if entry.has_result}
+    sizes = {entry.job.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
+    todo: list[RecordingJob] = []
+    same: list[tuple[Key, RecordingJob]] = []
+    moved: set[Key] = set()
+    for job in jobs:
+        key, entry = key_of(job), keys.get(key_of(job), _NONE)
+        if job.path is None or job.start is None or (entry.has_result and not job.file):
+            continue
+        changed, unread = entry.job.file != job.file, job.file and not entry.checksum  # as where a share was away
+        as_before = entry.job.inputs == job.inputs and not unread and not (retry and entry.status in _LOST)
+        checksum = checksum_of(job.path) if changed and (as_before or job.file.partition(" ")[0] in sizes) else ""
+        if as_before and not (changed and checksum != entry.checksum):
+            if changed or entry.place != place_of(job):
+                same.append((key, job))
+            continue
+        source = by_checksum.get(checksum) if checksum else None
+        if source and source != key and source not in there:
+            moved.add(source)
+        if source and source != key and keys[source].job.inputs == job.inputs:
+            same.append((source, job))
+        else:
+            todo.append(job)
+    missing = {key for key, entry in keys.items() if entry.has_result and key not in there} if forget else set()
+    return Plan(todo, same, frozenset(missing | (moved - {key_of(job) for _, job in same})))
+
+
+def read_all(
+    workers: Workers,
+    read: Callable[[RecordingJob], WearReading],
+    todo: Sequence[RecordingJob],
+    keys: Mapping[Key, StoredKey],
+    store: Store,
+    progress: Callable[[int, int], None],
+) -> None:
+    """Read recordings, and keep every result as it comes.
+
+    Parameters
+    ----------
+    read
+        What reads one.
+    keys
+        What was known before.
+    progress
+        Is called with the numbers of recordings that have been read, and of all.
+
+    Raises
+    ------
+    ExportError
+        If a result cannot be kept; those before are.
+    MissingExtra, ParameterError, SolveError
+        If the workers of a scheduler cannot be used, see `clutchid.fleets.cluster.results`.
+    """
+    last, count = monotonic(), 0
+    try:
+        for finished in results(read, todo, workers):
+            job, reading = finished.item, unless_lost(finished.item, finished.result)
+            entry, now = keys.get(key_of(job), _NONE), f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S.%f+00:00}"
+            # a stub, or a file that went meanwhile, takes no reading of what it was
+            if not (reading.apart and entry.has_result and reading.sha256 != entry.checksum):
+                store.put([stored_row(RecordingRow(job, reading, finished.timing, now))])
+            last, count = store.saved(last), count + 1
+            progress(count, len(todo))
+    finally:
+        store.saved()
+
+
+class State(NamedTuple):
+    """A recording of a fleet after a run, with its entry in the index.
+
+    `copy_of` is the recording that has the same samples, empty if there is none; `is_comparable` whether its reading is
+    of the calibration of today, or its file is there to be read again.
+    """
+
+    job: RecordingJob
+    entry: StoredKey | None = None
+    file_gone: bool = False
+    copy_of: str = ""
+    is_comparable: bool = True
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether what is known of it is the row of its index."""
+        return self.entry is not None and not self.copy_of and self.is_comparable
+
+    @property
+    def status(self) -> str:
+        """Status of the recording."""
+        return self.entry.status if self.entry and self.is_plain else self.reading(None).status
+
+    def reading(self, stored: WearReading | None) -> WearReading:
+        """What is known of it, where its entry has a reading."""
+        if self.entry is None:
+            problem = WearReading("bad_input", self.job.problem, apart=True)
+            return problem if self.job.problem else _UNREAD
+        known = stored or WearReading("warning", "")
+        if not self.is_comparable:
+            known = WearReading(
+                "warning", _OTHER_CALIBRATION, clock=known.clock, sha256=known.sha256, curve=known.curve
+            )
+        return as_copy(known, self.copy_of) if self.copy_of else known
+
+
+#: A recording that was not read.
+_UNREAD = WearReading("failed", "was not read; run the same command again to go on.")
+
+#: Why the reading of a file that is gone is not used.
+_OTHER_CALIBRATION = (
+    "the file is gone, and was read from another calibration than that of today, so that its change cannot be compared."
+)
+
+
+def states_of(jobs: Iterable[RecordingJob], keys: Mapping[Key, StoredKey]) -> list[State]:
+    """Every recording of a fleet in the order of vehicle and name; of copies the first counts."""
+    first: dict[str, str] = {}
+    states = []
+    for job in jobs:
+        entry = keys.get(key_of(job))
+        if entry is None or not (entry.has_result or not job.problem):
+            states.append(State(job))
+            continue
+        gone = entry.has_result and (not job.file or entry.job.file not in ("", job.file))
+        is_comparable = not gone or not job.inputs or _start(entry.job.inputs) == _start(job.inputs)
+        name = f"{job.recording} of {job.vehicle}"
+        copied = first.setdefault(entry.checksum, name) if entry.has_result and entry.checksum else name
+        states.append(State(job, entry, gone, copied if copied != name else "", is_comparable))
+    return states
+
+
+def _start(inputs: str) -> str:
+    """Hash of the calibration of a result."""
+    return str(json.loads(inputs)[0]) if inputs else ""
+
+
+def rows_of(states: Sequence[State], store: Store) -> list[RecordingRow]:
+    """The recordings of a vehicle with their readings."""
+    stored = store.of_vehicle(states[0].job.vehicle)
+    rows = []
+    for state in states:
+        row = stored.get(state.job.recording) if state.entry else None
+        known = state if row else state._replace(entry=None)  # spoiled since
+        rows.append(RecordingRow(state.job, known.reading(row.result if row else None)))
+    return rows
+
+
+#: The bundled recording.
+_BUNDLED = files("clutchid.study") / "data" / "truck1_calibration.csv"
+
+#: Time in s that a compilation may take on a slow machine: workers with less for a recording would be ended in it.
+COMPILATION = 300.0
+
+
+def compile_first(verb: str, calibrations: Iterable[Path]) -> None:
+    """Compile in a worker without a limit what later workers need for some calibrations; these only load it.
+
+    The bundled recording is read as well, for what is compiled by use only.
+    """
+    pool, starts = Pool(), sorted(calibrations)
+    pool.do(compile_models, starts)
+    with as_file(_BUNDLED) as recording:
+        job = RecordingJob("bundled", path=recording, start=starts[0])
+        pool.do(partial(read_recording, Reading(), verb), job)
