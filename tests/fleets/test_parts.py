@@ -12,7 +12,7 @@ import pytest
 from clutchid.fleets.output import results_table
 from clutchid.fleets.parts import SCHEMA_VERSION, adopt, append
 from clutchid.fleets.plan import states_of
-from clutchid.fleets.storage import FolderStorage
+from clutchid.fleets.storage import Folder
 from clutchid.fleets.store import RecordingRow, run_store, stored_row
 from clutchid.processes import Timing
 from clutchid.wear.history import Leak, RecordingJob
@@ -62,7 +62,7 @@ def test_the_columns_of_every_table_are_those_that_were_promised(tmp_path):
 
 def filled(folder, *batches):
     """The parts of runs with these rows, and the states of the recordings after the last."""
-    storage = FolderStorage(folder)
+    storage = Folder(folder)
     with run_store(folder, {}) as store:
         for batch in batches:
             adopt(store, storage)

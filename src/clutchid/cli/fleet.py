@@ -143,7 +143,7 @@ def _place(pool: WorkerLimits) -> Workers:
 def _say(run: FleetRun, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
     statuses, vehicles = run.statuses, run.vehicles
-    count = sum(statuses.values())
+    count, where = sum(statuses.values()), run.out if isinstance(run.out, str) else run.out.resolve().as_posix()
     words = ", ".join(f"{statuses[name]:,} {name}" for name in _STATUSES if statuses.get(name))
     message = f"{count:,} recordings, {run.read:,} read in this run: {words}"
     if as_json:
@@ -154,7 +154,7 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
                 "message": run.failure or message,
                 "statuses": dict(statuses),
                 "read": run.read,
-                "out": str(run.out.resolve()),
+                "out": where,
                 "warnings": list(run.warnings),
             }
         )
@@ -163,7 +163,7 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
     put(printable_lines(message))
     if run.failure:
         put(printable_lines(f"clutchid: {run.failure}"), to=sys.stderr)
-    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(str((run.out / 'index.html').resolve()))}")
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(where)}/index.html")
 
 
 def _seconds(timeout: float) -> float:

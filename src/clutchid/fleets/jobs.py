@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import json
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import version_and_source
+from clutchid.fleets.storage import Objects, objects_at, path_of, run_of
 from clutchid.fleets.store import StoredKey
+from clutchid.measurements import is_recording
 from clutchid.messages import listed
 from clutchid.names import as_text
-from clutchid.verbs.folders import FolderContent, files_by_name, folder_content, left_out, name_of, no_recordings
+from clutchid.verbs.folders import (
+    FolderContent,
+    files_by_name,
+    folder_content,
+    is_hidden,
+    left_out,
+    name_of,
+    no_recordings,
+)
 from clutchid.verbs.reading import Reading, by_suffix
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.tables import read_fleet_table
@@ -29,25 +40,28 @@ class Fleet(NamedTuple):
     """Recordings of a fleet in the order of vehicle and name.
 
     `left_out` says what its folder holds beside them, `renamed` which vehicles have a longer name here; empty if none.
+    Where recordings are `objects` in a storage, `stamps` are theirs by the paths that stand for them here.
     """
 
     jobs: tuple[RecordingJob, ...]
     left_out: str = ""
     renamed: str = ""
+    objects: Objects | None = None
+    stamps: Mapping[Path, str] = MappingProxyType({})
 
 
 class NoRecordingsError(DataError):
     """A fleet without the file of a single recording."""
 
 
-def fleet_of(source: Path, start: Path) -> Fleet:
+def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
     """The recordings of a fleet, each with the calibration that it starts from.
 
     Parameters
     ----------
     source
         A table of recordings, whose files lie in its folder or below; or a folder, in which each folder of recordings
-        is a vehicle, or which has such a table as ``recordings.csv``.
+        is a vehicle, or which has such a table as ``recordings.csv``. Both may lie at an address of objects.
     start
         A calibration for all, or a folder with one for each type, ``TYPE.toml``, or each vehicle, ``VEHICLE.toml``.
 
@@ -60,19 +74,19 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     ParameterError
         If no recording has a calibration.
     """
-    not_an_address(source)
-    if not is_there(source):
-        raise NoRecordingsError(f"{source}: there is no such folder or table.")
-    table = source if source.is_file() else source / _TABLE
-    if table.is_file():
-        rows = read_fleet_table(table).values()
-        content = folder_content(table.parent, {table.resolve()})
-        files = files_by_name(content, {row.recording for row in rows})
-        located, renamed = _one_type_each([files.located(row) for row in rows], table)
-        beside = _unlisted(located, content) if source.is_dir() else ""
+    objects = objects_at(source)
+    if objects:
+        objects, rows, content, stamps = _objects(objects)
+        root, is_folder = objects.root, True
     else:
-        content = folder_content(source)
-        located, renamed = _in_folders(source, content.recordings)
+        root, rows, content = _files(path_of(source))
+        stamps, is_folder = {}, root == path_of(source)
+    if rows is not None:
+        files = files_by_name(content, {row.recording for row in rows})
+        located, renamed = _one_type_each([files.located(row) for row in rows], source)
+        beside = _unlisted(located, content) if is_folder else ""
+    else:
+        located, renamed = _in_folders(root, content.recordings)
         beside = left_out(content.others, content.results)
     if not located:
         raise NoRecordingsError(no_recordings(str(source), beside))
@@ -83,7 +97,42 @@ def fleet_of(source: Path, start: Path) -> Fleet:
     jobs = tuple(_with_calibration(job, start, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
-    return Fleet(jobs, beside, _RENAMED.format(listed(sorted(renamed), 3)) if renamed else "")
+    return Fleet(jobs, beside, _RENAMED.format(listed(sorted(renamed), 3)) if renamed else "", objects, stamps)
+
+
+#: The rows of a table of recordings, None without one.
+_Rows = Collection[RecordingJob] | None
+
+
+def _files(source: Path) -> tuple[Path, _Rows, FolderContent]:
+    """A folder of this machine, or that of a table, with the rows of the table and its files."""
+    not_an_address(source)
+    if not is_there(source):
+        raise NoRecordingsError(f"{source}: there is no such folder or table.")
+    table = source if source.is_file() else source / _TABLE
+    if not table.is_file():
+        return source, None, folder_content(source)
+    return table.parent, read_fleet_table(table).values(), folder_content(table.parent, {table.resolve()})
+
+
+def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
+    """Objects below an address, or beside a table there, each with a path that stands for it, and their stamps."""
+    name = source.name if source.name.endswith(".csv") else _TABLE
+    objects = Objects(source.address.rpartition("/")[0]) if name == source.name else source
+    stamps, root = objects.stamps(), objects.root
+    if not stamps:
+        raise NoRecordingsError(f"{source.address}: there are no objects.")
+    runs = tuple({run for other in stamps if (run := run_of(other))})
+    paths = [root / other for other in sorted(stamps) if not (runs and other.startswith(runs))]
+    shown = [path for path in paths if path != root / name and not is_hidden(path.relative_to(root))]
+    recordings = tuple(filter(is_recording, shown))
+    others = tuple(path for path in shown if not is_recording(path))
+    rows = None
+    if name in stamps:
+        with objects.staged(name, stamps[name]) as table:
+            rows = read_fleet_table(table).values()
+    by_path = {root / other: stamp for other, stamp in stamps.items()}
+    return objects, rows, FolderContent(recordings, others, len(stamps) - len(paths)), by_path
 
 
 #: What is said of vehicles of one name.
@@ -111,7 +160,7 @@ def _in_folders(source: Path, paths: Sequence[Path]) -> tuple[list[RecordingJob]
     return jobs, {folders[folder] for folder in several}
 
 
-def _one_type_each(rows: Sequence[RecordingJob], table: Path) -> tuple[list[RecordingJob], set[str]]:
+def _one_type_each(rows: Sequence[RecordingJob], table: str | PathLike[str]) -> tuple[list[RecordingJob], set[str]]:
     """Rows of a table with a vehicle each; one of several types is several, named by type and vehicle, which follow."""
     types: dict[str, set[str]] = defaultdict(set)
     for row in rows:
@@ -177,8 +226,9 @@ def with_inputs(fleet: Fleet, reading: Reading, verb: str) -> Fleet:
     common = [version_and_source(), verb, repr(reading.ambient), [digest(path) for path in files]]
     starts = {job.start for job in fleet.jobs if job.start is not None}
     inputs = {start: json.dumps([digest(start), *common], sort_keys=True) for start in starts}
+    stamp = (lambda path: fleet.stamps.get(path, "")) if fleet.objects else _stamp_of
     return fleet._replace(jobs=tuple(
-        replace(job, inputs=inputs[job.start] if job.start else "", file=_stamp_of(job.path) if job.path else "")
+        replace(job, inputs=inputs[job.start] if job.start else "", file=stamp(job.path) if job.path else "")
         for job in fleet.jobs
     ))  # fmt: skip
 

@@ -18,7 +18,7 @@ from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import RESULTS, VEHICLES
 from clutchid.fleets.parts import PLACES
-from clutchid.fleets.store import PARTS
+from clutchid.fleets.storage import PARTS
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
 from clutchid.verbs.saving import loads_path

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clutchid.fleets.storage import Storage
-from clutchid.fleets.store import PARTS, Store, StoredRow
+from clutchid.fleets.storage import PARTS, Storage
+from clutchid.fleets.store import Store, StoredRow
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.wear.history import dated
 

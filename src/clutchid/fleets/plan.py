@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from importlib.resources import as_file, files
@@ -11,9 +12,12 @@ from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
+from clutchid.errors import DataError
 from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import key_of
+from clutchid.fleets.storage import Objects
 from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
+from clutchid.names import as_text
 from clutchid.processes import Pool
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import compile_models
@@ -38,26 +42,34 @@ class Plan(NamedTuple):
     forgotten: frozenset[Key]
 
 
-def planned(jobs: Iterable[RecordingJob], keys: Mapping[Key, StoredKey], *, retry: bool, forget: bool) -> Plan:
+def planned(
+    jobs: Sequence[RecordingJob], keys: Mapping[Key, StoredKey], *, retry: bool, forget: bool, objects: bool = False
+) -> Plan:
     """What is to be done: recordings without a result, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long; with `forget` readings without a file are
     forgotten. What identifies a reading is the SHA-256 of the file with the inputs: the same file under another name
-    has the reading already, and takes it over from a name whose file is gone.
+    has the reading already, and takes it over from a name whose file is gone. Of `objects` in a storage it is that of
+    an object with the same size and ETag.
     """
+    by_stamp = {entry.job.file: entry.checksum for entry in keys.values() if entry.has_result} if objects else {}
     there = {key_of(job) for job in jobs if job.file}
     by_checksum = {entry.checksum: key for key, entry in keys.items() if entry.has_result}
     sizes = {entry.job.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
     todo: list[RecordingJob] = []
     same: list[tuple[Key, RecordingJob]] = []
-    moved: set[Key] = set()
+    present = {entry.checksum for key, entry in keys.items() if entry.has_result and key in there}
+    moved = {key for key, entry in keys.items() if key not in there and entry.has_result and entry.checksum in present}
     for job in jobs:
         key, entry = key_of(job), keys.get(key_of(job), _NONE)
         if job.path is None or job.start is None or (entry.has_result and not job.file):
             continue
-        changed, unread = entry.job.file != job.file, job.file and not entry.checksum  # as where a share was away
+        changed = entry.job.file != job.file
+        unread = job.file and not entry.checksum and entry.status not in _LOST  # as where a share was away
         as_before = entry.job.inputs == job.inputs and not unread and not (retry and entry.status in _LOST)
-        checksum = checksum_of(job.path) if changed and (as_before or job.file.partition(" ")[0] in sizes) else ""
+        checksum = ""
+        if changed and (as_before or job.file.partition(" ")[0] in sizes):
+            checksum = by_stamp.get(job.file, "") if objects else checksum_of(job.path)
         if as_before and not (changed and checksum != entry.checksum):
             if changed or entry.place != place_of(job):
                 same.append((key, job))
@@ -111,6 +123,16 @@ def read_all(
             progress(count, len(todo))
     finally:
         store.saved()
+
+
+def read_object(objects: Objects, read: Callable[[RecordingJob], WearReading], job: RecordingJob) -> WearReading:
+    """Read the recording in an object, of which a file is made for that time; a fault is a status."""
+    assert job.path is not None, "others are not read"
+    try:
+        with objects.staged(job.path.relative_to(objects.root).as_posix(), job.file) as path:
+            return read(replace(job, path=path))
+    except DataError as error:
+        return WearReading("bad_input", as_text(str(error)), apart=True)
 
 
 class State(NamedTuple):

@@ -1,37 +1,74 @@
-"""Where the tables of a fleet lie: a folder, or what stands for one; files by their names in it."""
+"""Where the recordings and the tables of a fleet lie: a folder, or objects at an address such as ``s3://bucket/fleet``.
+
+Objects are those of S3, Google Cloud Storage or Azure, by obstore (extra ``cloud``), with the credentials and endpoints
+of the environment.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from pathlib import Path
-from typing import NamedTuple, Protocol
+import hashlib
+import re
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache
+from os import PathLike
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+from urllib.parse import unquote
 
+from clutchid.errors import ClutchidError, DataError, ExportError, missing
 from clutchid.files import make_folder, write_bytes
+
+if TYPE_CHECKING:
+    from obstore import GetOptions
+    from obstore.store import ObjectStore
+
+#: Schemes of addresses of objects that can be listed.
+SCHEMES = ("s3", "gs", "az")
+
+#: An address, of which `Path` leaves one slash.
+_ADDRESS = re.compile(rf"({'|'.join((*SCHEMES, 'file'))}):[/\\]+(.*)")
+
+#: Bytes of an object that are read at a time, and how often an object is asked for that ends in the middle.
+_CHUNK, _ATTEMPTS = 4_000_000, 4
+
+#: Objects that are deleted together.
+_DELETED = 1000
+
+
+#: Folder of the parts of the table of recordings.
+PARTS = "recordings"
+
+
+def run_of(name: str) -> str:
+    """Folder of the run to which an object of that name belongs, with a slash at its end; empty if to none."""
+    return name.partition(f"{PARTS}/date=")[0] if f"/{PARTS}/date=" in name else ""
 
 
 class Storage(Protocol):
     """Files by their names, which are paths with `/`."""
 
     def names(self, under: str) -> Iterator[str]:
-        """Names that begin with a prefix."""
+        """Names below a folder, which ends with `/`."""
 
     def read(self, name: str) -> bytes:
         """Content of a file."""
 
-    def write(self, name: str, content: bytes) -> None:
-        """Write a file, which is whole or not there."""
+    def write(self, name: str, content: bytes, *, once: bool = False) -> None:
+        """Write a file, which is whole or not there; `once` leaves one that is there."""
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files, also some that are not there any more."""
 
 
-class FolderStorage(NamedTuple):
+class Folder(NamedTuple):
     """A folder of this machine, or of a share."""
 
     path: Path
 
     def names(self, under: str) -> Iterator[str]:
-        """Names that begin with a prefix, which ends at a folder."""
+        """Names below a folder, which ends with `/`."""
         for path in sorted((self.path / under).rglob("*")):
             if path.is_file():
                 yield path.relative_to(self.path).as_posix()
@@ -40,12 +77,191 @@ class FolderStorage(NamedTuple):
         """Content of a file."""
         return (self.path / name).read_bytes()
 
-    def write(self, name: str, content: bytes) -> None:
+    def write(self, name: str, content: bytes, *, once: bool = False) -> None:
         """Write a file and its folders; on any error, an existing one is unchanged."""
-        make_folder((self.path / name).parent)
-        write_bytes(content, self.path / name)
+        path = self.path / name
+        if not (once and path.exists()):
+            make_folder(path.parent)
+            write_bytes(content, path)
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files, also some that are not there any more."""
         for name in names:
             (self.path / name).unlink(missing_ok=True)
+
+
+class Objects(NamedTuple):
+    """Objects below an address, such as ``s3://bucket/fleet``."""
+
+    address: str
+
+    @property
+    def name(self) -> str:
+        """Last part of the address."""
+        return PurePosixPath(self.address).name
+
+    @property
+    def root(self) -> Path:
+        """Path that stands for the address."""
+        return Path("/", *self.address.split("/")[2:])
+
+    def stamps(self, under: str = "") -> dict[str, str]:
+        """Size and ETag of each object below a prefix, by its name."""
+        import obstore
+
+        with self._reached():
+            pages = obstore.list(_store(self.address), prefix=under.rstrip("/") or None)
+            return {entry["path"]: f"{entry['size']} {entry['e_tag']}" for page in pages for entry in page}
+
+    def names(self, under: str) -> Iterator[str]:
+        """Names below a folder, which ends with `/`."""
+        yield from sorted(self.stamps(under))
+
+    def read(self, name: str) -> bytes:
+        """Content of an object."""
+        import obstore
+
+        with self._reached(name):
+            return bytes(obstore.get(_store(self.address), name).bytes())
+
+    def write(self, name: str, content: bytes, *, once: bool = False) -> None:
+        """Write an object; `once` leaves one that is there, also if another process writes it at the same time."""
+        import obstore
+        from obstore.exceptions import AlreadyExistsError
+
+        with self._reached(name, ExportError):
+            try:
+                obstore.put(_store(self.address), name, content, mode="create" if once else "overwrite")
+            except AlreadyExistsError:
+                if not once:
+                    raise
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete objects, also some that are not there any more."""
+        import obstore
+
+        every = list(names)
+        for first in range(0, len(every), _DELETED):
+            with self._reached(kind=ExportError):
+                obstore.delete(_store(self.address), every[first : first + _DELETED])
+
+    @contextmanager
+    def staged(self, name: str, stamp: str) -> Iterator[Path]:
+        """An object as a file of its name, which is deleted after; one that ends in the middle is asked for the rest.
+
+        Raises
+        ------
+        DataError
+            If it is not there any more, has changed since its stamp, or cannot be read to its end.
+        """
+        import obstore
+
+        text, _, etag = stamp.partition(" ")
+        size = int(text)
+        with tempfile.TemporaryDirectory(prefix="clutchid-") as folder:
+            path = Path(folder) / PurePosixPath(name).name
+            with path.open("wb") as file:
+                for attempt in range(1, _ATTEMPTS + 1):
+                    if file.tell() >= size:
+                        break
+                    try:
+                        with self._reached(name):
+                            rest: GetOptions = {"if_match": etag, "range": (file.tell(), size)}
+                            for chunk in obstore.get(_store(self.address), name, options=rest).stream(_CHUNK):
+                                file.write(chunk)
+                    except _UnsteadyError:
+                        if attempt == _ATTEMPTS:
+                            raise
+            yield path
+
+    @contextmanager
+    def _reached(self, name: str = "", kind: type[ClutchidError] = DataError) -> Iterator[None]:
+        """Errors of the storage as one sentence."""
+        from obstore.exceptions import BaseError, PermissionDeniedError, PreconditionError, UnauthenticatedError
+
+        where = f"{self.address}/{name}".rstrip("/")
+        try:
+            yield
+        except FileNotFoundError as error:
+            raise kind(f"{where}: there is no such object.") from error
+        except PreconditionError as error:
+            raise kind(f"{where}: has changed since it was listed; run the same command again.") from error
+        except (PermissionDeniedError, UnauthenticatedError) as error:
+            raise kind(f"{where}: access is refused ({_first(error)}); {_CREDENTIALS}") from error
+        except (BaseError, OSError) as error:
+            said = f"{where}: cannot be reached ({_first(error)}); {_CREDENTIALS}"
+            raise (_UnsteadyError if kind is DataError else kind)(said) from error
+
+
+#: Where credentials come from.
+_CREDENTIALS = "credentials and endpoint are those of the environment, see docs/commands/fleet.md."
+
+
+class _UnsteadyError(DataError):
+    """A storage that may answer later."""
+
+
+def _first(error: Exception) -> str:
+    """What a storage says, in a few words: its code where it has one, else the first line."""
+    text = str(error)
+    codes = re.findall(r"<Code>(\w+)</Code>", text)
+    return codes[0] if codes else text.splitlines()[0][:160]
+
+
+@lru_cache(maxsize=16)
+def _store(address: str) -> ObjectStore:
+    """The storage at an address, one a process."""
+    try:
+        from obstore.exceptions import BaseError
+        from obstore.store import from_url
+    except ImportError as error:
+        raise missing(f"{address}", "obstore", "cloud") from error
+    try:
+        return from_url(address)
+    except (BaseError, ValueError) as error:
+        raise DataError(f"{address}: cannot be used ({_first(error)}); {_CREDENTIALS}") from error
+
+
+def objects_at(path: str | PathLike[str]) -> Objects | None:
+    """The objects at an address; None for a path of this machine."""
+    match = _ADDRESS.match(str(path))
+    if match is None or match[1] == "file":
+        return None
+    objects = Objects(f"{match[1]}://{match[2].replace(chr(92), '/')}".rstrip("/"))
+    _store(objects.address)
+    return objects
+
+
+def path_of(path: str | PathLike[str]) -> Path:
+    """A path of this machine, also from ``file:///path``."""
+    match = _ADDRESS.match(str(path))
+    return Path("/" + unquote(match[2])) if match and match[1] == "file" else Path(path)
+
+
+def scratch_of(objects: Objects) -> Path:
+    """Folder of this machine for the index and the pages of a run whose tables lie at an address."""
+    from platformdirs import user_cache_path
+
+    return (
+        user_cache_path("clutchid", appauthor=False)
+        / "fleets"
+        / hashlib.sha256(objects.address.encode()).hexdigest()[:16]
+    )
+
+
+def upload(folder: Path, before: Mapping[Path, int], objects: Objects) -> None:
+    """Write the files of a folder that were written since, but its index.
+
+    Parameters
+    ----------
+    before
+        Time of each file, as by `times_of`.
+    """
+    for path, time in times_of(folder).items():
+        if before.get(path) != time and ".sqlite" not in path.name:
+            objects.write(path.relative_to(folder).as_posix(), path.read_bytes())
+
+
+def times_of(folder: Path) -> dict[Path, int]:
+    """When each file of a folder was written."""
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}

@@ -18,13 +18,11 @@ from typing import NamedTuple
 
 from clutchid.errors import ExportError
 from clutchid.files import make_folder
+from clutchid.fleets.storage import PARTS
 from clutchid.names import as_text
 from clutchid.processes import Timing
 from clutchid.verbs.folders import STORE
 from clutchid.wear.history import RecordingJob, WearReading, dated, packed_reading, restored
-
-#: Folder of the parts of the table of recordings, beside the index.
-PARTS = "recordings"
 
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5

@@ -17,8 +17,8 @@ from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import Fleet, NoRecordingsError, by_own_name, fleet_of, key_of, with_inputs, with_missing
 from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, vehicles_of, write_fleet, write_results
 from clutchid.fleets.parts import adopt, append
-from clutchid.fleets.plan import COMPILATION, compile_first, planned, read_all, states_of
-from clutchid.fleets.storage import FolderStorage
+from clutchid.fleets.plan import COMPILATION, compile_first, planned, read_all, read_object, states_of
+from clutchid.fleets.storage import Folder, objects_at, path_of, scratch_of, times_of, upload
 from clutchid.fleets.store import run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
@@ -26,7 +26,7 @@ from clutchid.verbs.folders import STORE
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import read_recording
-from clutchid.wear.history import RecordingJob
+from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits
 from clutchid.wear.tables import read_wear_table
 from clutchid.wear.trend import WearTable
@@ -45,7 +45,7 @@ class FleetRun:
     read
         Number of recordings that were read now; the others are from an earlier run.
     out
-        Folder of the results, see docs/commands/fleet.md.
+        Folder of the results, or their address, see docs/commands/fleet.md.
     warnings
         What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
     failure
@@ -61,7 +61,7 @@ class FleetRun:
     statuses: Mapping[str, int]
     vehicles: int
     read: int
-    out: Path
+    out: Path | str
     warnings: tuple[str, ...] = ()
     failure: str = ""
 
@@ -90,11 +90,12 @@ def fleet(
     Parameters
     ----------
     source : path
-        A folder, in which each folder of recordings is a vehicle, or a table with recording, vehicle and type.
+        A folder, in which each folder of recordings is a vehicle, or a table with recording, vehicle and type. It may
+        be an address of objects, such as ``s3://bucket/fleet`` (extra ``cloud``).
     start : path
         Calibration for all, or a folder with one for each type or vehicle.
     out : path
-        Folder of the results, new or that of a run to go on with.
+        Folder of the results, new or that of a run to go on with; or an address of objects.
     verb : 'fit', 'observe' or 'track'
         What reads the load; with 'track' the wear of each vehicle is followed as well.
     place : Workers
@@ -148,27 +149,33 @@ def fleet(
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
-    folder, calibrations, origin = Path(out), Path(start), Path(source)
-    listed, absent = _listed(origin, calibrations, folder, forget=forget_missing)
+    objects, target = objects_at(source), objects_at(out)
+    if target and target == objects:
+        raise ParameterError(f"--out {target.address}: is the fleet itself; name a folder of its own.")
+    folder, calibrations = scratch_of(target) if target else path_of(out), Path(start)
+    origin = objects.address if objects else str(path_of(source).resolve())
+    listed, absent = _listed(source, calibrations, folder, forget=forget_missing)
     if calibrations.is_file():
         content_of(calibrations)  # a broken one is one sentence, not one a recording
     tables = _wear_tables(calibrations)
     how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
-    storage = FolderStorage(folder)
-    with run_store(folder, {"source": as_text(str(origin.resolve())), "verb": verb}) as base:
+    storage = target or Folder(folder)
+    with run_store(folder, {"source": as_text(origin), "verb": verb}) as base:
+        before = times_of(folder) if target else {}
         adopt(base, storage)
         keys = base.keys()
         listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, how)
         if not listed.jobs:
             raise NoRecordingsError(absent)
-        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing)
+        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing, objects=objects is not None)
         base.rename(plan.same)
         base.forget(plan.forgotten)
         if plan.todo:
             if 0 < place.seconds < COMPILATION and not place.scheduler:
                 compile_first(how, {job.start for job in plan.todo if job.start})
-            read = partial(read_recording, reading, how)
+            read: Callable[[RecordingJob], WearReading] = partial(read_recording, reading, how)
+            read = partial(read_object, listed.objects, read) if listed.objects else read
             read_all(place, read, plan.todo, keys, base, progress or (lambda _done, _all: None))
         append(base, storage)
         jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
@@ -180,11 +187,20 @@ def fleet(
             states, base, lambda job: LifeLimits(limit, tables.of(job)), command, folder, trends=trends
         )
         write_fleet(vehicles, command, folder, trends=trends)
+        if target:
+            upload(folder, before, target)
     rows = [vehicle.row for vehicle in vehicles]
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     failure = _failure(rows, fail_share, trends=trends)
-    return FleetRun(statuses, len(rows), len(plan.todo), folder, tuple(filter(None, warnings)), failure)
+    return FleetRun(
+        statuses,
+        len(rows),
+        len(plan.todo),
+        target.address if target else folder,
+        tuple(filter(None, warnings)),
+        failure,
+    )
 
 
 def _time_warnings(rows: Sequence[VehicleRow]) -> str:
@@ -199,7 +215,7 @@ def _time_warnings(rows: Sequence[VehicleRow]) -> str:
     )
 
 
-def _listed(source: Path, start: Path, out: Path, *, forget: bool) -> tuple[Fleet, str]:
+def _listed(source: str | PathLike[str], start: Path, out: Path, *, forget: bool) -> tuple[Fleet, str]:
     """The recordings of a fleet; of one whose files are all gone none, if it has been read, and why in a sentence."""
     try:
         return fleet_of(source, start), ""

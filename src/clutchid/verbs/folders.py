@@ -37,7 +37,7 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
 
     Results of clutchid are the folder of a fleet, and the two files of `observe` and `track`, FILE.* and FILE.load.*.
     """
-    below = [path for path in sorted(folder.rglob("*")) if not _is_hidden(path.relative_to(folder))]
+    below = [path for path in sorted(folder.rglob("*")) if not is_hidden(path.relative_to(folder))]
     files = [path for path in below if path.is_file() or _is_dangling(path)]
     files = [path for path in files if path.resolve() not in apart] if apart else files
     results = {*_results(files)}
@@ -59,7 +59,8 @@ def _results(files: Sequence[Path]) -> Iterator[Path]:
             yield from (whole, path) if whole in names else ()
 
 
-def _is_hidden(path: Path) -> bool:
+def is_hidden(path: Path) -> bool:
+    """Whether a path has a part that begins with a dot."""
     return any(part.startswith(".") for part in path.parts)
 
 

@@ -1,0 +1,237 @@
+"""Fleets whose recordings and tables are objects of a storage: a local server that speaks S3."""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import clutchid
+from clutchid.errors import DataError, ExportError, ParameterError
+from clutchid.fleets.storage import Objects, _store, scratch_of
+from clutchid.log import Log
+from clutchid.verbs import wear_reading
+from fixtures.commands import without_workers
+from fixtures.lives import reading
+
+obstore = pytest.importorskip("obstore", reason="obstore is not installed")
+pytest.importorskip("moto.server", reason="moto is not installed")
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def server():
+    """The address of a storage that speaks S3."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "moto.server", "-p", str(port), "-H", "127.0.0.1"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    address = f"http://127.0.0.1:{port}"
+    for _ in range(300):
+        try:
+            urllib.request.urlopen(f"{address}/moto-api/", timeout=1.0).close()
+            break
+        except OSError:
+            time.sleep(0.1)
+    yield address
+    process.terminate()
+    process.wait()
+
+
+@pytest.fixture
+def lake(server, monkeypatch, tmp_path, request):
+    """An empty place in the storage, which the environment knows."""
+    set_up(monkeypatch, server)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    urllib.request.urlopen(urllib.request.Request(f"{server}/lake", method="PUT")).close()
+    return Objects(f"s3://lake/{abs(hash(request.node.name))}")
+
+
+def set_up(monkeypatch, endpoint):
+    for name, value in {
+        "AWS_ACCESS_KEY_ID": "test", "AWS_SECRET_ACCESS_KEY": "test", "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_ENDPOINT_URL": endpoint, "AWS_ALLOW_HTTP": "true",
+    }.items():  # fmt: skip
+        monkeypatch.setenv(name, value)
+    _store.cache_clear()
+
+
+def recording(day):
+    """Bytes of a recording of a day."""
+    time_, path = np.arange(0.0, 0.5, 0.001), f"run_{day}.parquet"
+    columns = {"position": 1e-4 * time_ * day, "duty_supply": np.zeros(500), "duty_exhaust": np.ones(500)}
+    clutchid.write(Log(time_, columns, metadata={"start": f"2026-01-{day:02d}"}), path)
+    return Path(path).read_bytes()
+
+
+@pytest.fixture
+def fleet(lake, monkeypatch, tmp_path):
+    """A fleet of two vehicles, whose readings are known by the time in their files."""
+    monkeypatch.setattr(wear_reading, "_fitted", lambda log, *_: reading(5e-6 * int(log.metadata["start"][8:10])))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cal.toml").write_text("[parameters]\n")
+    source = Objects(f"{lake.address}/fleet")
+    for day in range(1, 5):
+        source.write(f"V{day % 2}/r{day}.parquet", recording(day))
+    return source
+
+
+def run(source, out, **options):
+    with without_workers():
+        return clutchid.fleet(source, "cal.toml", out, verb="track", **options)
+
+
+def test_a_fleet_of_objects_has_the_tables_of_the_same_fleet_of_files(fleet, lake, tmp_path):
+    out = Objects(f"{lake.address}/wear")
+    done = run(fleet.address, out.address)
+    assert (done.read, done.statuses, done.out) == (4, {"ok": 4}, out.address)
+    for name in fleet.stamps():
+        (tmp_path / "files" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "files" / name).write_bytes(fleet.read(name))
+    run(tmp_path / "files", tmp_path / "out")
+    for name in ("results.parquet", "vehicles.parquet", "vehicles/V1.parquet", "vehicles/V1.load.parquet"):
+        costs = ("read_at", "written_at")
+        there, here = (
+            pl.read_parquet(content).drop(costs, strict=False) for content in (out.read(name), tmp_path / "out" / name)
+        )
+        assert there.equals(here), name
+    assert len(list(out.names("recordings/"))) == 4
+    assert {"index.html", "vehicles/V0.html"} <= {*out.names("")}
+    assert not [name for name in out.names("") if "sqlite" in name]
+
+
+def test_nothing_is_read_again_also_under_another_name_or_where_the_index_was_lost(fleet, lake, tmp_path):
+    out = f"{lake.address}/wear"
+    run(fleet.address, out)
+    assert run(fleet.address, out).read == 0
+    fleet.write("V1/again.parquet", fleet.read("V1/r1.parquet"))
+    fleet.delete(["V1/r1.parquet"])
+    done = run(fleet.address, out)
+    assert (done.read, done.warnings) == (0, ())
+    for path in scratch_of(Objects(out)).iterdir():
+        path.rename(tmp_path / path.name)
+    assert run(fleet.address, out).read == 0
+    fleet.delete(["V0/r2.parquet"])
+    done = run(fleet.address, out)
+    assert done.statuses == {"ok": 4}
+    assert "1 of 4 recordings: the file is gone, and the reading is kept" in done.warnings[0]
+
+
+def test_a_table_beside_the_objects_says_what_they_are(fleet, lake):
+    table = "recording,vehicle,type,strokes,depot\nr1,V1,T1,1000,Ulm\nr2,V1,T1,2000,Ulm\nr9,V1,T1,3000,Ulm\n"
+    fleet.write("recordings.csv", table.encode())
+    for source in (fleet.address, f"{fleet.address}/recordings.csv"):
+        out = Objects(f"{lake.address}/{source[-3:]}")
+        done = run(source, out.address)
+        assert done.statuses == {"ok": 2, "bad_input": 1}
+        results = pl.read_parquet(out.read("results.parquet"))
+        assert results.select("vehicle", "recording", "strokes", "tag_depot").rows()[:2] == [
+            ("V1", "r1", 1000.0, "Ulm"), ("V1", "r2", 2000.0, "Ulm"),
+        ]  # fmt: skip
+
+
+def test_an_object_that_goes_or_changes_is_a_row_and_the_rest_goes_on(fleet, lake, monkeypatch):
+    stamps = Objects.stamps
+
+    def stale(objects, under=""):
+        """What was listed before one object was deleted and another one changed."""
+        known = stamps(objects, under)
+        if under or "fleet" not in objects.address or "V1/r1.parquet" not in known:
+            return known
+        objects.delete(["V1/r1.parquet"])
+        objects.write("V0/r2.parquet", b"changed")
+        return known
+
+    monkeypatch.setattr(Objects, "stamps", stale)
+    out = Objects(f"{lake.address}/wear")
+    assert run(fleet.address, out.address).statuses == {"ok": 2, "bad_input": 2}
+    messages = pl.read_parquet(out.read("results.parquet"))["message"].to_list()
+    assert messages[0] == f"{fleet.address}/V0/r2.parquet: has changed since it was listed; run the same command again."
+    assert messages[2] == f"{fleet.address}/V1/r1.parquet: there is no such object."
+
+
+def test_what_cannot_be_reached_is_one_sentence(fleet, lake, monkeypatch):
+    with pytest.raises(DataError, match=r"s3://nowhere/fleet: cannot be reached \(NoSuchBucket\); credentials"):
+        run("s3://nowhere/fleet", "out")
+    with pytest.raises(DataError, match=r"/empty: there are no objects"):
+        run(f"{lake.address}/empty", "out")
+    with pytest.raises(ParameterError, match=r"is the fleet itself; name a folder of its own"):
+        run(fleet.address, fleet.address)
+    monkeypatch.delenv("AWS_ENDPOINT_URL")
+    _store.cache_clear()
+    with pytest.raises(DataError, match=r"az://container/fleet: cannot be used .*credentials and endpoint are those"):
+        run("az://container/fleet", "out")
+
+
+class Faulty(BaseHTTPRequestHandler):
+    """A storage that sends half of what it was asked for, refuses a writer, and refuses a reader."""
+
+    protocol_version, sent = "HTTP/1.1", []
+    content = bytes(range(256)) * 400
+
+    def do_GET(self):
+        if "secret" in self.path:
+            self.send_error(403)
+            return
+        begin, end = (int(part) for part in self.headers["Range"].removeprefix("bytes=").split("-"))
+        part = self.content[begin : end + 1]
+        self.sent.append(begin)
+        self.send_response(206)
+        self.send_header("Content-Length", str(len(part)))
+        self.send_header("Content-Range", f"bytes {begin}-{end}/{len(self.content)}")
+        self.send_header("ETag", '"whole"')
+        self.send_header("Last-Modified", "Mon, 30 Nov 2026 00:00:00 GMT")
+        self.end_headers()
+        self.wfile.write(part[: max(len(part) // 2, 20_000)])
+        self.wfile.flush()
+        self.close_connection = True
+
+    def do_PUT(self):
+        self.send_error(403)
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def faulty(monkeypatch):
+    with ThreadingHTTPServer(("127.0.0.1", 0), Faulty) as storage:
+        threading.Thread(target=storage.serve_forever, daemon=True).start()
+        set_up(monkeypatch, f"http://127.0.0.1:{storage.server_port}")
+        yield Objects("s3://lake/fleet")
+        storage.shutdown()
+
+
+def test_an_object_that_ends_in_the_middle_is_asked_for_the_rest_only(faulty):
+    with faulty.staged("r.parquet", f'{len(Faulty.content)} "whole"') as path:
+        assert path.read_bytes() == Faulty.content
+        assert path.name == "r.parquet"
+    assert not path.exists()
+    assert Faulty.sent == sorted(set(Faulty.sent))
+    assert len(Faulty.sent) > 1
+
+
+def test_rights_that_are_missing_are_one_sentence(faulty):
+    with pytest.raises(DataError, match=r"fleet/secret.parquet: access is refused"):
+        faulty.read("secret.parquet")
+    with pytest.raises(ExportError, match=r"fleet/results.parquet: access is refused"):
+        faulty.write("results.parquet", b"x")
+
+
+def test_an_object_is_written_once_by_two_writers(lake):
+    lake.write("part.parquet", b"first", once=True)
+    lake.write("part.parquet", b"second", once=True)
+    assert lake.read("part.parquet") == b"first"
+    lake.write("part.parquet", b"third")
+    assert lake.read("part.parquet") == b"third"
+    assert os.environ["AWS_ACCESS_KEY_ID"] == "test"
