@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import read_parameters as read_parameters
     from clutchid.estimation.parameter_file import write_parameters as write_parameters
     from clutchid.estimation.request import FitRequest as FitRequest
+    from clutchid.fleets.once import fleet_once as fleet_once
+    from clutchid.fleets.once import recording_row as recording_row
     from clutchid.fleets.verbs import FleetRun as FleetRun
     from clutchid.fleets.verbs import fleet as fleet
     from clutchid.inference.uncertainty.calibration import Calibration as Calibration
@@ -68,6 +70,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "estimation.request": ("FitRequest",),
     "estimation.parameter_file": ("read_parameters", "write_parameters"),
     "verbs.tracking": ("track",),
+    "fleets.once": ("fleet_once", "recording_row"),
     "fleets.verbs": ("FleetRun", "fleet"),
     "inference.uncertainty.calibration": ("Calibration",),
     "inference.uncertainty.coordinates": ("Prior",),

@@ -176,3 +176,37 @@ def test_the_observer_reads_a_fleet_too(observed, tracked):
     at_end, fitted = (frame.row(by_predicate=pl.col("recording") == "r1", named=True) for frame in rows)
     assert " stroke" in at_end["message"]
     assert at_end["peak_N"] == pytest.approx(fitted["peak_N"], rel=0.05)
+
+
+def test_parts_of_a_fleet_are_read_apart_and_events_once_and_a_run_makes_the_tables_of_all(folder, tracked, capsys):
+    out, lines = folder / "apart", []
+    with without_workers(), blank_figures():
+        for part in ("1/2", "2/2", "2/2"):
+            capsys.readouterr()
+            assert run(folder, out, "--verb", "track", "--part", part) == 0
+            lines.append(capsys.readouterr().out.splitlines())
+        assert {path.name for path in out.iterdir()} == {"recordings", "run-1-of-2.sqlite", "run-2-of-2.sqlite"}
+        assert lines[0][1].endswith("part 1/2; a run without --part makes the tables")
+        assert ", 0 read in this run: " in lines[2][0]
+        assert run(folder, out, "--verb", "track", "--limit", "0.2", "--json") == 1
+        shown = json.loads(capsys.readouterr().out)
+        assert shown["read"] == 0
+        assert {**content(out), "recordings": None} == {**content(tracked), "recordings": None}
+        assert run(folder, out, "--part", "3/2") == 2
+        assert "--part 3/2: is a part of the fleet, such as 3/64" in capsys.readouterr().err
+
+
+def test_an_event_is_one_row_however_often_it_comes(folder, capsys):
+    out, recording = folder / "events", folder / "trucks" / "V1" / "r1.parquet"
+    (folder / "cals" / "V1.toml").write_bytes((folder / "cals" / "T1.toml").read_bytes())
+    with without_workers(), blank_figures():
+        for _ in range(2):
+            assert run(folder, out, "--once", str(recording)) == 0
+        assert capsys.readouterr().out.splitlines()[0].startswith("V1, r1: ok.")
+        (part,) = (out / "recordings").rglob("*.parquet")
+        assert pl.read_parquet(part)["recording"].to_list() == ["r1"]
+        assert run(folder, out, "--once", str(folder / "trucks" / "V2" / "cut.parquet")) == 2
+        assert "there is no calibration of vehicle 'V2'" in capsys.readouterr().err
+        (folder / "cals" / "V1.toml").unlink()
+        assert run(folder, out, "--json") == 1
+        assert json.loads(capsys.readouterr().out)["read"] == 4, "all but the one of the event"

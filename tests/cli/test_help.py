@@ -14,7 +14,7 @@ COMMANDS = [name for name in APP if not name.startswith("-")]
 MANY = 9
 
 #: Options that mean something else in one command: a flag of `export`.
-HOMONYMS = {"--model"}
+HOMONYMS = {"--model", "--table"}
 
 GROUPS = ("Common options", "Method and search", "Fleet and workers", "Files", "Output")
 

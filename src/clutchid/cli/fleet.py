@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -81,6 +83,8 @@ def fleet(
     fail_share: Annotated[float, FLEET] = 0.2,
     forget_missing: Annotated[Flag, FLEET] = False,
     table: Annotated[Flag, FLEET] = False,
+    part: Annotated[str, FLEET] = "",
+    once: Annotated[str, FLEET] = "",
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -94,11 +98,12 @@ def fleet(
     ----------
     source
         A folder, in which each folder of recordings is a vehicle; or a table (CSV) with recording, vehicle and type.
+        Both may be an address of objects, such as s3://bucket/fleet.
     start
         Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml; with
         track, a table of wear TYPE.wear.csv or VEHICLE.wear.csv beside it is used.
     out
-        Folder of the results, new or that of a run to go on with.
+        Folder of the results, new or that of a run to go on with; or an address of objects.
     verb
         fit: the load of each recording, as `clutchid estimate`. observe: as `clutchid observe`, at its end. track:
         as fit, and the wear of each vehicle.
@@ -114,22 +119,33 @@ def fleet(
         Leave out recordings whose files are gone; else their readings are kept, and counted.
     table
         Write results.parquet also for more than 100,000 recordings.
+    part
+        Read only the vehicles of a part of the fleet, such as 3/64, and write neither tables nor pages: several
+        processes may read a part each, and a run without --part makes the tables of all.
+    once
+        Read only this recording, a file or an address as an event names it, and append its row; the same event twice
+        is one row. The next run without --once makes the tables.
     json
         Print one JSON object on standard output.
     debug
         Show the traceback of an error.
     """
+    from clutchid.fleets import once as one_recording
     from clutchid.fleets import verbs
 
+    ambient, dbc = pressure_option(files.ambient), files.dbc or ()
+    if once:
+        row = one_recording.fleet_once(once, start, out, verb=verb, ambient=ambient, channels=files.map, dbc=dbc)
+        _say_row(row, as_json=json)
+        return DONE
     shift, place = life_limit(limit), _place(pool)
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, place=place, limit=shift, retry=retry, fail_share=fail_share,
-            forget_missing=forget_missing, table=table,
-            ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (),
+            forget_missing=forget_missing, table=table, part=part, ambient=ambient, channels=files.map, dbc=dbc,
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
-    _say(run, as_json=json)
+    _say(run, part, as_json=json)
     return FAILED if run.failure else DONE
 
 
@@ -140,7 +156,17 @@ def _place(pool: WorkerLimits) -> Workers:
     return Workers(pool.workers, pool.scheduler, _memory(pool.memory), _seconds(pool.timeout))
 
 
-def _say(run: FleetRun, *, as_json: bool) -> None:
+def _say_row(row: Mapping[str, object], *, as_json: bool) -> None:
+    """Print the status of one recording, or its row without the points of its load."""
+    if as_json:
+        print_json(
+            {name: str(v) if isinstance(v, datetime) else v for name, v in row.items() if not isinstance(v, list)}
+        )
+        return
+    put(printable_lines(f"{row['vehicle']}, {row['recording']}: {row['status']}. {row['message']}".strip()))
+
+
+def _say(run: FleetRun, part: str, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
     statuses, vehicles = run.statuses, run.vehicles
     count, where = sum(statuses.values()), run.out if isinstance(run.out, str) else run.out.resolve().as_posix()
@@ -163,7 +189,8 @@ def _say(run: FleetRun, *, as_json: bool) -> None:
     put(printable_lines(message))
     if run.failure:
         put(printable_lines(f"clutchid: {run.failure}"), to=sys.stderr)
-    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {printable(where)}/index.html")
+    tables = f"part {part}; a run without --part makes the tables" if part else f"{printable(where)}/index.html"
+    put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {tables}")
 
 
 def _seconds(timeout: float) -> float:

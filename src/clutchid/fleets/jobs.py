@@ -212,6 +212,11 @@ def _with_calibration(job: RecordingJob, start: Path, calibrations: Mapping[str,
     return replace(job, problem=as_text(f"there is no calibration of {what}: {place}.toml."))
 
 
+def with_own_calibration(job: RecordingJob, start: Path) -> RecordingJob:
+    """A recording with its calibration, which is that of all or of its vehicle or type."""
+    return _with_calibration(job, start, _calibrations(start))
+
+
 def with_missing(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredKey]) -> Fleet:
     """A fleet with the recordings of its index that have a result, but no file any more."""
     listed, calibrations = {key_of(job) for job in fleet.jobs}, _calibrations(start)

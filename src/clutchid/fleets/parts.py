@@ -170,7 +170,8 @@ def _part_name(date: str, rows: Iterable[str]) -> str:
 def adopt(store: Store, storage: Storage) -> None:
     """Take into the index the rows of parts that it does not know: of another process, or after the index was lost.
 
-    Of several rows of a recording the newest counts. What was in parts that are gone is written again.
+    Of several rows of a recording the newest counts. What was in parts that are gone, and is in no other one, is
+    written again.
     """
     import polars as pl
 
@@ -178,28 +179,40 @@ def adopt(store: Store, storage: Storage) -> None:
     store.lose_parts(known.keys() - names)
     if not names - known.keys():
         return
-    newest = {key: (entry.read_at, "") for key, entry in store.keys().items()}
+    newest = {key: (entry.read_at, "" if entry.part in names else _LOST) for key, entry in store.keys().items()}
     for name in sorted(names - known.keys()):
         rows = []
         table = pl.read_parquet(io.BytesIO(storage.read(name)))
         for entry in table.iter_rows(named=True):
             row = _restored(entry)
             key, age = row[:2], (row.read_at, entry["written_at"].isoformat())
-            if key not in newest or (newest[key][1] and age > newest[key]) or age[0] > newest[key][0]:
+            before = newest.get(key)
+            if before is None or age[0] > before[0] or (age[0] == before[0] and "" < before[1] < age[1]):
                 newest[key] = age
                 rows.append(row._replace(part=name))
         store.put(rows)
         store.set_part(name, table.height)
 
 
-def append(store: Store, storage: Storage) -> None:
-    """Write the rows that are in no part yet, a part a date; then fold small parts of a date into one."""
+#: Age of a row whose part is gone, below that of every part.
+_LOST = "0"
+
+
+def write_once(row: StoredRow, storage: Storage) -> None:
+    """Write a row as a part of its own, which is there already where the same file was read with the same inputs."""
+    name = _part_name(row.date, [row.vehicle, row.recording, row.sha256 or row.file, row.inputs])
+    storage.write(name, part_content(frame_of([row])), once=True)
+
+
+def append(store: Store, storage: Storage, *, fold: bool = True) -> None:
+    """Write the rows that are in no part yet, a part a date; with `fold`, small parts of a date become one."""
     for date, rows in groupby(store.pending(), key=lambda row: row.date):
         some = list(rows)
         name = _part_name(date, [row.checksum for row in some])
         storage.write(name, part_content(frame_of(some)))
         store.set_part(name, len(some), [row[:2] for row in some])
-    _fold(store, storage)
+    if fold:
+        _fold(store, storage)
 
 
 def _fold(store: Store, storage: Storage) -> None:

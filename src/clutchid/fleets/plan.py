@@ -58,7 +58,7 @@ def planned(
     sizes = {entry.job.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
     todo: list[RecordingJob] = []
     same: list[tuple[Key, RecordingJob]] = []
-    present = {entry.checksum for key, entry in keys.items() if entry.has_result and key in there}
+    present = {entry.checksum for key, entry in keys.items() if entry.has_result and key in there} - {""}
     moved = {key for key, entry in keys.items() if key not in there and entry.has_result and entry.checksum in present}
     for job in jobs:
         key, entry = key_of(job), keys.get(key_of(job), _NONE)
@@ -115,14 +115,19 @@ def read_all(
     try:
         for finished in results(read, todo, workers):
             job, reading = finished.item, unless_lost(finished.item, finished.result)
-            entry, now = keys.get(key_of(job), _NONE), f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S.%f+00:00}"
+            entry = keys.get(key_of(job), _NONE)
             # a stub, or a file that went meanwhile, takes no reading of what it was
             if not (reading.apart and entry.has_result and reading.sha256 != entry.checksum):
-                store.put([stored_row(RecordingRow(job, reading, finished.timing, now))])
+                store.put([stored_row(RecordingRow(job, reading, finished.timing, now()))])
             last, count = store.saved(last), count + 1
             progress(count, len(todo))
     finally:
         store.saved()
+
+
+def now() -> str:
+    """The time, ISO 8601."""
+    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S.%f+00:00}"
 
 
 def read_object(objects: Objects, read: Callable[[RecordingJob], WearReading], job: RecordingJob) -> WearReading:

@@ -113,6 +113,14 @@ class Objects(NamedTuple):
             pages = obstore.list(_store(self.address), prefix=under.rstrip("/") or None)
             return {entry["path"]: f"{entry['size']} {entry['e_tag']}" for page in pages for entry in page}
 
+    def stamp(self, name: str) -> str:
+        """Size and ETag of an object."""
+        import obstore
+
+        with self._reached(name):
+            entry = obstore.head(_store(self.address), name)
+        return f"{entry['size']} {entry['e_tag']}"
+
     def names(self, under: str) -> Iterator[str]:
         """Names below a folder, which ends with `/`."""
         yield from sorted(self.stamps(under))

@@ -21,7 +21,7 @@ from clutchid.files import make_folder
 from clutchid.fleets.storage import PARTS
 from clutchid.names import as_text
 from clutchid.processes import Timing
-from clutchid.verbs.folders import STORE
+from clutchid.verbs.folders import INDEX, STORE
 from clutchid.wear.history import RecordingJob, WearReading, dated, packed_reading, restored
 
 #: Time in s after which results are on the disk at the latest.
@@ -226,23 +226,26 @@ class Store:
 
 
 @contextmanager
-def run_store(folder: Path, about: dict[str, str]) -> Iterator[Store]:
+def run_store(folder: Path, about: dict[str, str], name: str = STORE) -> Iterator[Store]:
     """The store of the run in a folder, new or existing.
 
     Parameters
     ----------
     about
         What the run is about, which must be the same to go on.
+    name
+        Name of the index.
 
     Raises
     ------
     ExportError
         If the folder has other files, the run of something else, a run that is going on, or cannot be written.
     """
-    path = folder / STORE
+    path = folder / name
     make_folder(folder, "--out")
     try:
-        occupied = not path.exists() and any(folder.iterdir()) and not (folder / PARTS).is_dir()
+        files = [file.name for file in folder.iterdir()]
+        occupied = files and not (PARTS in files or any(map(INDEX.fullmatch, files)))
     except OSError as error:
         raise ExportError(f"--out {folder}: cannot be read ({error.strerror}); name another folder.") from error
     if occupied:

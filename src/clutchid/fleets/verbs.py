@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from hashlib import sha256
 from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,11 +16,19 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
-from clutchid.fleets.jobs import Fleet, NoRecordingsError, by_own_name, fleet_of, key_of, with_inputs, with_missing
+from clutchid.fleets.jobs import (
+    Fleet,
+    NoRecordingsError,
+    by_own_name,
+    fleet_of,
+    key_of,
+    with_inputs,
+    with_missing,
+)
 from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, vehicles_of, write_fleet, write_results
 from clutchid.fleets.parts import adopt, append
 from clutchid.fleets.plan import COMPILATION, compile_first, planned, read_all, read_object, states_of
-from clutchid.fleets.storage import Folder, objects_at, path_of, scratch_of, times_of, upload
+from clutchid.fleets.storage import Folder, Objects, objects_at, path_of, scratch_of, times_of, upload
 from clutchid.fleets.store import run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
@@ -79,6 +89,7 @@ def fleet(
     fail_share: float = 0.2,
     forget_missing: bool = False,
     table: bool = False,
+    part: str = "",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -111,6 +122,9 @@ def fleet(
         Leave out recordings whose files are gone; else their readings are kept.
     table : bool
         Write ``results.parquet`` also for more than 100,000 recordings, of which the parts alone are written else.
+    part : text
+        Read only the vehicles of a part of the fleet, such as "3/64", and write neither tables nor pages: several
+        processes may each read a part, and a run without this option makes the tables of all.
     ambient : Pa, optional
         Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
@@ -149,26 +163,25 @@ def fleet(
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
-    objects, target = objects_at(source), objects_at(out)
-    if target and target == objects:
-        raise ParameterError(f"--out {target.address}: is the fleet itself; name a folder of its own.")
-    folder, calibrations = scratch_of(target) if target else path_of(out), Path(start)
-    origin = objects.address if objects else str(path_of(source).resolve())
+    places, calibrations = _places(source, out), Path(start)
+    folder, storage = places.folder, places.target or Folder(places.folder)
     listed, absent = _listed(source, calibrations, folder, forget=forget_missing)
     if calibrations.is_file():
         content_of(calibrations)  # a broken one is one sentence, not one a recording
     tables = _wear_tables(calibrations)
     how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
-    storage = target or Folder(folder)
-    with run_store(folder, {"source": as_text(origin), "verb": verb}) as base:
-        before = times_of(folder) if target else {}
+    share, about = _share(part), {"source": as_text(places.origin), "verb": verb}
+    with run_store(folder, about, share.file if share else STORE) as base:
+        before = times_of(folder) if places.target else {}
         adopt(base, storage)
         keys = base.keys()
         listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, how)
-        if not listed.jobs:
+        if share:
+            listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
+        if not listed.jobs and not share:
             raise NoRecordingsError(absent)
-        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing, objects=objects is not None)
+        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing, objects=listed.objects is not None)
         base.rename(plan.same)
         base.forget(plan.forgotten)
         if plan.todo:
@@ -177,18 +190,20 @@ def fleet(
             read: Callable[[RecordingJob], WearReading] = partial(read_recording, reading, how)
             read = partial(read_object, listed.objects, read) if listed.objects else read
             read_all(place, read, plan.todo, keys, base, progress or (lambda _done, _all: None))
-        append(base, storage)
+        append(base, storage, fold=not share)
         jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
         trends, states = verb == "track", states_of(jobs, base.keys())
         statuses, gone = Counter(state.status for state in states), sum(state.file_gone for state in states)
+        if share:
+            return FleetRun(statuses, len({job.vehicle for job in jobs}), len(plan.todo), places.shown)
         if table or len(states) <= MOST_ROWS:
             write_results(states, base, storage, folder)
         vehicles = vehicles_of(
             states, base, lambda job: LifeLimits(limit, tables.of(job)), command, folder, trends=trends
         )
         write_fleet(vehicles, command, folder, trends=trends)
-        if target:
-            upload(folder, before, target)
+        if places.target:
+            upload(folder, before, places.target)
     rows = [vehicle.row for vehicle in vehicles]
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
@@ -197,10 +212,60 @@ def fleet(
         statuses,
         len(rows),
         len(plan.todo),
-        target.address if target else folder,
+        places.shown,
         tuple(filter(None, warnings)),
         failure,
     )
+
+
+class _Places(NamedTuple):
+    """Where a fleet and its tables lie: the address or path of the fleet, and the folder of this machine of the run.
+
+    `target` are the objects of the tables, None where these lie in the folder.
+    """
+
+    origin: str
+    folder: Path
+    target: Objects | None
+
+    @property
+    def shown(self) -> Path | str:
+        """Where the tables lie."""
+        return self.target.address if self.target else self.folder
+
+
+def _places(source: str | PathLike[str], out: str | PathLike[str]) -> _Places:
+    objects, target = objects_at(source), objects_at(out)
+    if target and target == objects:
+        raise ParameterError(f"--out {target.address}: is the fleet itself; name a folder of its own.")
+    origin = objects.address if objects else str(path_of(source).resolve())
+    return _Places(origin, scratch_of(target) if target else path_of(out), target)
+
+
+class _Share(NamedTuple):
+    """A part of a fleet: its number, and how many there are."""
+
+    number: int
+    of: int
+
+    @property
+    def file(self) -> str:
+        """Name of its index."""
+        return f"run-{self.number}-of-{self.of}.sqlite"
+
+    def has(self, vehicle: str) -> bool:
+        """Whether it has a vehicle."""
+        return int.from_bytes(sha256(vehicle.encode()).digest()[:8]) % self.of == self.number - 1
+
+
+def _share(text: str) -> _Share | None:
+    """A part such as 3/64; None for the whole fleet."""
+    if not text:
+        return None
+    match = re.fullmatch(r"(\d{1,5})/(\d{1,5})", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise ParameterError(f"--part {text}: is a part of the fleet, such as 3/64 for the third of 64.")
+    return _Share(int(match[1]), int(match[2]))
 
 
 def _time_warnings(rows: Sequence[VehicleRow]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -13,8 +14,9 @@ from clutchid.measurements.suffixes import SUFFIXES_SHOWN, by_suffix, recording_
 from clutchid.names import as_text
 from clutchid.wear.history import RecordingJob
 
-#: The file that says that a folder is that of a run of `fleet`.
+#: The file that says that a folder is that of a run of `fleet`, and names of those of parts of a fleet.
 STORE = "run.sqlite"
+INDEX = re.compile(r"run(-\d+-of-\d+)?\.sqlite")
 
 #: Problem of a row of a table without a file.
 _ABSENT = "the table names it, but its file is not there."
@@ -50,7 +52,7 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
 
 
 def _results(files: Sequence[Path]) -> Iterator[Path]:
-    runs, names = {path.parent for path in files if path.name == STORE}, {*files}
+    runs, names = {path.parent for path in files if INDEX.fullmatch(path.name)}, {*files}
     for path in files:
         if not runs.isdisjoint(path.parents):
             yield path
