@@ -21,7 +21,7 @@ from clutchid.errors import ClutchidError, DataError, ExportError, missing
 from clutchid.files import make_folder, write_bytes
 
 if TYPE_CHECKING:
-    from obstore import GetOptions
+    from obstore import GetOptions, ObjectMeta
     from obstore.store import ObjectStore
 
 #: Schemes of addresses of objects that can be listed.
@@ -111,15 +111,14 @@ class Objects(NamedTuple):
 
         with self._reached():
             pages = obstore.list(_store(self.address), prefix=under.rstrip("/") or None)
-            return {entry["path"]: f"{entry['size']} {entry['e_tag']}" for page in pages for entry in page}
+            return {entry["path"]: _stamp(entry) for page in pages for entry in page}
 
     def stamp(self, name: str) -> str:
         """Size and ETag of an object."""
         import obstore
 
         with self._reached(name):
-            entry = obstore.head(_store(self.address), name)
-        return f"{entry['size']} {entry['e_tag']}"
+            return _stamp(obstore.head(_store(self.address), name))
 
     def names(self, under: str) -> Iterator[str]:
         """Names below a folder, which ends with `/`."""
@@ -193,12 +192,18 @@ class Objects(NamedTuple):
         except FileNotFoundError as error:
             raise kind(f"{where}: there is no such object.") from error
         except PreconditionError as error:
-            raise kind(f"{where}: has changed since it was listed; run the same command again.") from error
+            raise kind(f"{where}: has changed or was deleted since it was listed; run the same command again.") from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
             raise kind(f"{where}: access is refused ({_first(error)}); {_CREDENTIALS}") from error
         except (BaseError, OSError) as error:
             said = f"{where}: cannot be reached ({_first(error)}); {_CREDENTIALS}"
             raise (_UnsteadyError if kind is DataError else kind)(said) from error
+
+
+def _stamp(entry: ObjectMeta) -> str:
+    """Size and ETag of an object; a list of Azure has ETags without the quotes that belong to them."""
+    etag = entry["e_tag"] or ""
+    return f"{entry['size']} {etag if etag.endswith(chr(34)) else f'{chr(34)}{etag}{chr(34)}'}"
 
 
 #: Where credentials come from.
