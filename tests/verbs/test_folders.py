@@ -208,14 +208,10 @@ def test_warnings_about_times_reach_the_rows_of_a_fleet(tmp_path, cal, still, mo
         log = Log(still.time, {**still.columns, "position": (k + 1) * still["position"]}, metadata={"start": clock})
         clutchid.write(log, tmp_path / "fleet" / "V1" / f"{name}.parquet")
     run = clutchid.fleet(tmp_path / "fleet", cal, tmp_path / "out", verb="track")
-    by_name = {}
-    for table in ("results", "wear"):
-        rows = pl.read_parquet(tmp_path / "out" / f"{table}.parquet")
-        by_name[table] = dict(zip(rows["recording"], rows["warnings"], strict=True))
-    assert by_name["results"] == by_name["wear"]
+    rows = pl.read_parquet(tmp_path / "out" / "vehicles" / "V1.parquet")
     restarted = "its clock says 1970-01-01, so it had restarted, and is not used."
     unknown = "no time in the file, the table or the name; put after the others."
-    assert by_name["wear"] == {"a": f"{restarted} {unknown}", "b": "", "c": unknown}
+    assert dict(rows.select("recording", "warnings").rows()) == {"a": f"{restarted} {unknown}", "b": "", "c": unknown}
     wear = clutchid.track(tmp_path / "fleet" / "V1", cal).wear
     assert pl.read_parquet(tmp_path / "out" / "vehicles.parquet")["warnings"].to_list() == [" ".join(wear.warnings)]
     (warning,) = run.warnings

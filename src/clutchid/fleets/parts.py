@@ -107,8 +107,8 @@ def _record(row: StoredRow, *, whole: bool) -> dict[str, Any]:
         "leak_m3_per_Pa_s": leak.conductance if leak else None, "leak_std_m3_per_Pa_s": leak.std if leak else None,
         "sha256": row.sha256 or None, "by": {"fit": "estimate"}.get(verb, verb), "calibration": row.calibration or None,
         "calibration_sha256": start, "version": made["clutchid"] if made else None,
-        "read_at": _instant(row.read_at), "written_at": datetime.now(UTC) if whole else None, "wall_s": wall, "processor_s": processor,
-        "host": host, "worker": worker, "attempt": attempt or None,
+        "read_at": _instant(row.read_at), "written_at": datetime.now(UTC) if whole else None, "wall_s": wall,
+        "processor_s": processor, "host": host, "worker": worker, "attempt": attempt or None,
         **{f"tag_{name}": value for name, value in job.tags},
         **(_whole(row, reading.curve) if whole else {}),
     }  # fmt: skip

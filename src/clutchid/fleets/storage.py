@@ -192,7 +192,7 @@ class Objects(NamedTuple):
         except FileNotFoundError as error:
             raise kind(f"{where}: there is no such object.") from error
         except PreconditionError as error:
-            raise kind(f"{where}: has changed or was deleted since it was listed; run the same command again.") from error
+            raise kind(f"{where}: {_STALE}") from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
             raise kind(f"{where}: access is refused ({_first(error)}); {_CREDENTIALS}") from error
         except (BaseError, OSError) as error:
@@ -205,6 +205,9 @@ def _stamp(entry: ObjectMeta) -> str:
     etag = entry["e_tag"] or ""
     return f"{entry['size']} {etag if etag.endswith(chr(34)) else f'{chr(34)}{etag}{chr(34)}'}"
 
+
+#: What is said of an object that has another ETag, or none.
+_STALE = "has changed or was deleted since it was listed; run the same command again."
 
 #: Where credentials come from.
 _CREDENTIALS = "credentials and endpoint are those of the environment, see docs/commands/fleet.md."

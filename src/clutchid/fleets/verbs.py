@@ -192,7 +192,8 @@ def fleet(
             read_all(place, read, plan.todo, keys, base, progress or (lambda _done, _all: None))
         append(base, storage, fold=not share)
         jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
-        trends, states = verb == "track", states_of(jobs, base.keys())
+        is_new = plan.todo or plan.same or plan.forgotten or not all(entry.part for entry in keys.values())
+        trends, states = verb == "track", states_of(jobs, base.keys() if is_new else keys)
         statuses, gone = Counter(state.status for state in states), sum(state.file_gone for state in states)
         if share:
             return FleetRun(statuses, len({job.vehicle for job in jobs}), len(plan.todo), places.shown)

@@ -41,7 +41,8 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
     """
     below = [path for path in sorted(folder.rglob("*")) if not is_hidden(path.relative_to(folder))]
     files = [path for path in below if path.is_file() or _is_dangling(path)]
-    files = [path for path in files if path.resolve() not in apart] if apart else files
+    names = {path.name for path in apart}
+    files = [path for path in files if not ((path.name in names or path.is_symlink()) and path.resolve() in apart)]
     results = {*_results(files)}
     recordings: list[Path] = []
     others: list[Path] = []
