@@ -310,9 +310,9 @@ def observed_leak(run: ObservedRecording) -> Leak | None:
 
     if not run.observer.leaks(run.after):
         return None
-    found = estimates_of(run.observer, run.after)[LEAK]
-    conductance = found.value - run.observer.actuator.parameters.C_A0
-    return Leak(conductance, found.std, float(ndtr(LEAK_FOUND)))
+    estimate = estimates_of(run.observer, run.after)[LEAK]
+    conductance = estimate.value - run.observer.actuator.parameters.C_A0
+    return Leak(conductance, estimate.std, float(ndtr(LEAK_FOUND)))
 
 
 def not_converged(fit: Fit) -> str:
