@@ -68,3 +68,18 @@ def test_a_leak_that_the_observer_flags_is_one_of_the_reading(folder):
     leak = read(folder, "observe", "leaking").leak
     assert 5e-11 < leak.conductance < 2e-10
     assert leak.probability > 0.999
+
+
+@pytest.mark.slow
+def test_auto_observes_what_records_its_supply_and_shows_no_fault_and_estimates_the_rest(folder):
+    log = clutchid.read(folder / "worn.parquet")
+    clutchid.write(log.without("pressure_supply"), folder / "no_supply.parquet")
+    clutchid.write(log.slice(0, 4000), folder / "few_strokes.parquet")
+    slow = clutchid.drive(truck(1), seconds=15.0, seed=2, wear=WEAR, recorder="bus", conditions=True).log
+    clutchid.write(slow, folder / "slow.parquet")
+    for name, by in (("worn", "observe"), ("no_supply", "estimate"), ("few_strokes", "estimate")):
+        auto, alone = read(folder, "auto", name), read(folder, by, name)
+        assert auto.by == by, name
+        assert auto._replace(curve=None) == alone._replace(curve=None), name
+    assert read(folder, "auto", "slow").message == read(folder, "estimate", "slow").message
+    assert "cannot wait for the next sample" in read(folder, "observe", "slow").message

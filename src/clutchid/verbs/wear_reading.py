@@ -39,25 +39,26 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
 
 
-def read_recording(reading: Reading, verb: str, job: RecordingJob) -> WearReading:
+def read_recording(reading: Reading, by: str, job: RecordingJob) -> WearReading:
     """Read the load of a recording from position alone with its calibration; a fault is a status.
 
     Parameters
     ----------
     reading
         How it is read, without recordings.
-    verb : 'fit' or 'observe'
-        What reads the load.
+    by : 'estimate' (or 'fit'), 'observe' or 'auto'
+        What reads the load; 'auto' observes it, and estimates it where the supply pressure is not recorded or the
+        observer has another reason not to trust its load.
     job
         A recording with a file and a calibration.
     """
     assert job.path is not None, "others are not read"
     assert job.start is not None, "others are not read"
-    read = _read(replace(reading, logs=(job.path,)), verb, job.path, job.start)
+    read = _read(replace(reading, logs=(job.path,)), by, job.path, job.start)
     return read._replace(message=as_text(read.message), reason=as_text(read.reason))  # its sentences name the file
 
 
-def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
+def _read(reading: Reading, by: str, path: Path, start: Path) -> WearReading:
     clock = checksum = ""
     apart = True  # until it is a recording of an actuator
     try:
@@ -68,7 +69,10 @@ def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
         except NoFramesError:  # the DBC is that of other recordings of the fleet
             (log,) = replace(reading, dbc=()).read(content.actuator)
         clock, apart = str(log.metadata.get("start", "")), False
-        read = (_observed if verb == "observe" else _fitted)(log, content, reading.zero)
+        if by in ("observe", "auto"):
+            read = _observed(log, content, reading.zero, screened=by == "auto")
+        else:
+            read = _fitted(log, content, reading.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         apart = apart and status == "bad_input"  # what cannot be opened here may be a recording all the same
@@ -132,20 +136,31 @@ def _fitted(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
     )  # fmt: skip
 
 
-def _observed(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
-    """The load as `clutchid observe` has it at the end of the recording."""
+def _observed(log: Log, content: ParameterFile, zero: Zero, *, screened: bool = False) -> WearReading:
+    """The load as `clutchid observe` has it at the end of the recording.
+
+    If `screened`, a load that the observer has a reason not to trust is estimated instead; what the calibration lacks
+    is no reason, because an estimate lacks it too.
+    """
     from clutchid.documents.observation_rows import observe_sentence
     from clutchid.estimation.assess.observed import MISMATCH, indicators, observed_verdict
     from clutchid.observer.run import loads
 
-    run = observed(Reading((log,), zero=zero), content)
+    try:
+        run = observed(Reading((log,), zero=zero), content)
+    except ClutchidError:
+        if screened:  # an observer needs more samples
+            return _fitted(log, content, zero)
+        raise
     shown = indicators(run)
     after, judged = loads(run).after, observed_verdict(shown)
     reach = float(np.nanmax(run.travel["position"]))
     change = compared(run.observer.actuator, run.observer.calibration, after, reach)
+    reason = unmeasured(judged, change)
+    if screened and (reason or observed_verdict(shown._replace(unvented=())).trust != "good"):
+        return _fitted(log, content, zero)
     half = change.half_now if change else half_load_band(after, reach)
     status = "warning" if run.log.warnings or any(run.health.values()) else "ok"
-    reason = unmeasured(judged, change)
     measurement = None if reason else measured(change, run.log, "observe")
     rest = from_rest(run.log, content.rest, zero).shift
     return WearReading(

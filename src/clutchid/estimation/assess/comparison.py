@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -187,15 +188,20 @@ class Shares(NamedTuple):
     by_temperature: float
 
 
+#: What reads a recording.
+By = Literal["estimate", "observe"]
+
 #: By channel. Five months of eight vehicles of both families: docs/derivations_online.md, "The wear of a clutch".
 SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
 
+#: By what reads the recordings, and channel. Observed ones: benchmarks/results/wear.md, "By observe".
+SHARES_BY: Mapping[By, Mapping[str, Shares]] = {
+    "estimate": SHARES,
+    "observe": {"shift": Shares(0.25, 0.6, 0.1), "load": Shares(0.5, 1.4, 0.3)},
+}
+
 #: Recordings that the prior of the noise is worth: what these shares are known from.
 WORTH = 10.0
-
-
-#: What reads a recording.
-By = Literal["estimate", "observe"]
 
 
 class Measurement(NamedTuple):
