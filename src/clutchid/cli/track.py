@@ -65,6 +65,7 @@ def track(
         last row of the table of wear ends it. Without either, what is left is not known.
     wear_table
         CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
+        By default CAL.wear.csv beside the calibration CAL.toml, if it is there.
     by
         What reads the recordings: estimate, or observe at a fifteenth of the time, for recordings with the supply
         pressure; auto observes where that can be trusted, and estimates the others and what the trend does not expect.

@@ -43,6 +43,9 @@ from clutchid.wear.tables import read_table, read_wear_table
 if TYPE_CHECKING:
     import polars as pl
 
+#: Suffix of a table of wear beside the calibration of its type.
+WEAR_TABLE = ".wear.csv"
+
 #: Problem of a row of a table where files are named one by one.
 _NOT_NAMED = "the table names it, but it is none of the recordings of this command."
 
@@ -141,9 +144,10 @@ def track(
     table : path, optional
         CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
     wear_table : path, optional
-        CSV with wear [mm], half_load [mm] and load [N] of this type.
+        CSV with wear [mm], half_load [mm] and load [N] of this type; by default CAL.wear.csv beside the calibration
+        CAL.toml, if it is there.
     limit : m, optional
-        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
+        Shift of the half-load position that ends the life of the clutch; by default the last row of the table of wear.
     by : 'estimate', 'observe' or 'auto'
         What reads the recordings. 'auto' observes those that record the supply pressure and that the observer trusts,
         and estimates the others, those that the trend does not expect, and those before and after an alarm.
@@ -186,9 +190,10 @@ def track(
     """
     content_of(Path(start))  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}
-    limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    rig = Path(wear_table) if wear_table else Path(start).with_suffix(WEAR_TABLE)
+    limits = LifeLimits(limit, read_wear_table(rig) if wear_table or rig.is_file() else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    apart = [*results, *(Path(path) for path in (table, wear_table) if path)]
+    apart = [*results, rig, *([Path(table)] if table else ())]
     jobs, beside = recordings_of([Path(path) for path in several], rows, apart)
     vehicle, files = vehicle_of(jobs, rows, str(table)), [replace(job, start=Path(start)) for job in jobs if job.path]
     check_workers(workers)
