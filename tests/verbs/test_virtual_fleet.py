@@ -91,9 +91,13 @@ def test_a_folder_with_files_is_left_alone(plan, tmp_path):
 
 @pytest.mark.slow
 def test_the_command_drives_a_fleet(tmp_path, capsys):
-    options = ("--fleet", "1", "--months", "0.6", "--seconds", "1")
+    options = ("--fleet", "1", "--months", "0.6", "--seconds", "1", "--no-supply", "1", "--events", "leak,sensor")
     with without_workers():
         assert called("drive", *options, "--out", tmp_path / "fleet") == 0
-    assert len(rows(tmp_path / "fleet" / "truth.csv")) in (2, 3)
+    truth = rows(tmp_path / "fleet" / "truth.csv")
+    assert len(truth) in (2, 3)
+    assert {row["supply_recorded"] for row in truth} == {"False"}
+    (path, *_) = (tmp_path / "fleet" / "recordings").rglob("*.parquet")
+    assert "pressure_supply" not in clutchid.read(path)
     assert called("drive", *options, "--out", tmp_path / "other", "--wear", "1") == 2
     assert "--wear: belongs to a single recording" in capsys.readouterr().err

@@ -7,7 +7,7 @@ import pytest
 
 from clutchid.documents.wear_rows import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.history import Leak, RecordingJob, WearReading
-from clutchid.wear.life import LifeLimits, remaining, wear_of
+from clutchid.wear.life import LifeLimits, remaining, to_estimate, wear_of
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable, growth_noise
 from fixtures.lives import leaking_life, life, reading
 
@@ -205,3 +205,16 @@ def test_a_limit_that_is_passed_or_out_of_sight_is_said():
     assert remaining("shift", np.array([0.3e-3, 1e-10]), covariance, 0.2e-3, 1e6).median == 0.0
     away = remaining("shift", np.array([0.0, -7e-9]), covariance, 0.2e-3, 1e6)
     assert away.median == float("inf")
+
+
+def test_what_the_trend_does_not_expect_or_an_alarm_names_is_estimated_in_the_order_of_the_life():
+    shifts = [0.0, 0.004, 0.4, 0.008, 0.012, 0.016, 0.02, -0.2, -0.196, -0.192]
+    readings = [reading(1e-3 * shift, by="observe") for shift in shifts]
+    readings = [row._replace(measurement=row.measurement._replace(by="observe")) for row in readings]
+    wear = life(readings)
+    assert wear.outcomes[2] == "left out"
+    assert (wear.alarms[0].after, wear.alarms[0].before) == ("r06", "r07")
+    assert [job.recording for job in to_estimate(wear)] == ["r02", "r06", "r07"]
+    estimated = [row._replace(by="estimate") if k in (2, 7) else row for k, row in enumerate(readings)]
+    assert [job.recording for job in to_estimate(life(estimated))] == ["r06"]
+    assert to_estimate(life(readings[3:7])) == ()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clutchid.estimation.assess.comparison import SHARES, Measurement
+from clutchid.estimation.assess.comparison import SHARES, SHARES_BY, Measurement
 from clutchid.wear.trend import (
     CHANGE_OUTCOMES,
     FALSE_ALARMS,
@@ -110,6 +110,29 @@ def test_filter_and_smoother_are_batch_least_squares():
     values = np.array([mean for mean, _ in smoothed_states(steps)])
     std = np.sqrt(np.diag(prior))
     assert values / std == pytest.approx(solution / std, abs=1e-5)
+
+
+def test_what_reads_the_recordings_has_errors_of_its_own():
+    """An error that all observed readings share does not move the trend where the estimated ones are many."""
+    model = trend_model(LIFE["strokes"], readers=("estimate", "observe"))
+    assert model.size == MODEL.size + 4
+    s, off = STRIDE * np.arange(40), 0.4 * STD[0]
+    read = [Measurement(off * (k % 2), STD[0], 0.0, STD[1], np.nan, ("estimate", "observe")[k % 2]) for k in range(40)]
+    steps = steps_of(s, read, model)
+    assert {step.outcome for step in steps} == {"used"}
+    constant, _ = model.errors_by("observe")
+    state, alike = steps[-1].mean, steps_of(s, [now._replace(by="estimate") for now in read])[-1].mean
+    difference = state[constant][0] - state[model.errors_by("estimate")[0]][0]
+    assert difference == pytest.approx(off, rel=0.1)
+    assert abs(state[0]) < abs(alike[0])
+
+
+def test_a_trend_with_one_reader_does_not_depend_on_which_but_by_its_shares(monkeypatch):
+    _, measured = clutch(np.random.default_rng(6), 12, temperature=True)
+    monkeypatch.setitem(SHARES_BY, "observe", SHARES)
+    s, observed = STRIDE * np.arange(12), [now._replace(by="observe") for now in measured]
+    steps = steps_of(s, observed, trend_model(LIFE["strokes"], readers=("observe",)))
+    assert all(np.array_equal(a.mean, b.mean) for a, b in zip(steps, steps_of(s, measured), strict=True))
 
 
 def test_a_replaced_clutch_is_found_within_two_recordings():

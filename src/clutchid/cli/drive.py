@@ -43,6 +43,14 @@ class FleetOptions:
         Mean time from a recording of a vehicle to the next.
     workers
         Number of processes for a fleet; does not affect the results.
+    no_supply
+        Share of the vehicles of a fleet that do not record their supply pressure, from 0 to 1.
+    events
+        Some of replaced, leak and sensor, with commas: each vehicle has one of them, or none, in the middle half of its
+        service, and an exchanged sensor an offset of 0.2 to 0.5 mm. By default they happen by chance.
+    spread
+        How far each vehicle lies from its type towards another type of its family, from 0 to 1: all vehicles of a type
+        are the same truck by default.
     """
 
     fleet: int = 0
@@ -50,6 +58,9 @@ class FleetOptions:
     types: int = 4
     days: float = 7.0
     workers: int = 1
+    no_supply: float = 0.0
+    events: str = ""
+    spread: float = 0.0
 
 
 #: No fleet.
@@ -136,7 +147,7 @@ def drive(
     debug
         Show the traceback of an error.
     """
-    from clutchid.verbs.driving import VirtualRecording, driven, visits
+    from clutchid.verbs.driving import FleetPlan, VirtualRecording, driven, visits
 
     single = VirtualRecording(
         manoeuvre, wear * 1e-3, cycles, None if temperature is None else temperature + 273.15, pressure,
@@ -147,9 +158,11 @@ def drive(
         from clutchid.verbs.virtual_fleet import write_fleet
 
         _check_no_single(single, truth)
-        plan = visits(service.fleet, service.months, family, truck, service.types, seed, service.days)
+        events = tuple(filter(None, service.events.split(",")))
+        plan = FleetPlan(service.no_supply, events, service.spread)
+        fleet = visits(service.fleet, service.months, family, truck, service.types, seed, service.days, plan)
         with progress_of("drive") as progress:
-            write_fleet(out, plan, seconds, service.workers, progress)
+            write_fleet(out, fleet, seconds, service.workers, progress)
         message = f"fleet of {service.fleet} vehicles of family {family}"
     else:
         driven(single, truck, family, seed, seconds, out, truth)

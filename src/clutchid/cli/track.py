@@ -37,6 +37,7 @@ def track(
     table: Annotated[Path | None, FILES] = None,
     limit: float | None = None,
     wear_table: Annotated[Path | None, FILES] = None,
+    by: Annotated[Literal["estimate", "observe", "auto"], SEARCH] = "estimate",
     report: PathOutput = None,
     workers: Annotated[int, FLEET] = 1,
     files: FileOptions = USUAL_FILES,
@@ -46,8 +47,8 @@ def track(
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend, replaced clutches, remaining life.
 
-    Every recording is read from position alone, as `clutchid estimate` does. A recording that cannot be read is
-    a row with its reason.
+    Every recording is read from position alone, as `clutchid estimate` or `clutchid observe` does. A recording that
+    cannot be read is a row with its reason.
 
     Parameters
     ----------
@@ -64,6 +65,10 @@ def track(
         last row of the table of wear ends it. Without either, what is left is not known.
     wear_table
         CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
+        By default CAL.wear.csv beside the calibration CAL.toml, if it is there.
+    by
+        What reads the recordings: estimate, or observe at a fifteenth of the time, for recordings with the supply
+        pressure; auto observes where that can be trusted, and estimates the others and what the trend does not expect.
     report
         Write a self-contained HTML page.
     workers
@@ -82,7 +87,7 @@ def track(
     _check(out, report, start, table, wear_table, logs)
     with progress_of("track") as progress:
         tracked = tracking.track(
-            logs, start, table=table, wear_table=wear_table, limit=shift, workers=workers,
+            logs, start, table=table, wear_table=wear_table, limit=shift, by=by, workers=workers,
             ambient=pressure_option(files.ambient), channels=files.map, dbc=files.dbc or (), zero=zero, results=results,
             progress=progress,
         )  # fmt: skip

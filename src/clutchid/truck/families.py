@@ -67,6 +67,18 @@ def truck(number: int, family: str = "A") -> Vehicle:
     return _built(parts, drawn, tables["A"]["share"] | tables["B"]["share"], rng)
 
 
+def vehicle_of_type(number: int, family: str, other: int, share: float) -> Vehicle:
+    """A vehicle that differs from its type: its numbers lie a `share` of the way to those of another type.
+
+    Its variants and its controller are those of its type.
+    """
+    new, tables = truck(number, family), map(family_ranges, RANGE_FILES.values())
+    drawn = {name for table in tables for part in ("uniform", "share") for name in table[part]}
+    towards = truck(other, family)
+    own = {name: getattr(new, name) for name in new.names() if name in drawn}
+    return new.replace({name: value + share * (getattr(towards, name) - value) for name, value in own.items()})
+
+
 def family_label(family: str) -> str:
     """A family in the names of files: that of a hybrid without its colon, and apart from a number that follows."""
     return f"{family.replace(':', '')}_" if family.startswith(_HYBRID) else family

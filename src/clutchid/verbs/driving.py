@@ -7,9 +7,9 @@ from typing import Literal, NamedTuple
 
 from clutchid.errors import ParameterError
 from clutchid.files import check_writable
-from clutchid.truck.service import visits
+from clutchid.truck.service import FleetPlan, visits
 
-__all__ = ["VirtualRecording", "driven", "visits"]
+__all__ = ["FleetPlan", "VirtualRecording", "driven", "visits"]
 
 
 class VirtualRecording(NamedTuple):

@@ -8,7 +8,7 @@ from functools import partial
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -37,11 +37,14 @@ from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import counted_once, read_recording, unless_lost
 from clutchid.wear.history import RecordingJob, WearReading
-from clutchid.wear.life import LifeLimits, Wear, wear_of
+from clutchid.wear.life import LifeLimits, Wear, to_estimate, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
 
 if TYPE_CHECKING:
     import polars as pl
+
+#: Suffix of a table of wear beside the calibration of its type.
+WEAR_TABLE = ".wear.csv"
 
 #: Problem of a row of a table where files are named one by one.
 _NOT_NAMED = "the table names it, but it is none of the recordings of this command."
@@ -121,6 +124,7 @@ def track(
     table: str | PathLike[str] | None = None,
     wear_table: str | PathLike[str] | None = None,
     limit: float | None = None,
+    by: Literal["estimate", "observe", "auto"] = "estimate",
     workers: int = 1,
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
@@ -140,9 +144,13 @@ def track(
     table : path, optional
         CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
     wear_table : path, optional
-        CSV with wear [mm], half_load [mm] and load [N] of this type.
+        CSV with wear [mm], half_load [mm] and load [N] of this type; by default CAL.wear.csv beside the calibration
+        CAL.toml, if it is there.
     limit : m, optional
-        Shift of the half-load position that ends the life of the clutch; by default the last row of `wear_table`.
+        Shift of the half-load position that ends the life of the clutch; by default the last row of the table of wear.
+    by : 'estimate', 'observe' or 'auto'
+        What reads the recordings. 'auto' observes those that record the supply pressure and that the observer trusts,
+        and estimates the others, those that the trend does not expect, and those before and after an alarm.
     workers : int
         Number of processes.
     ambient : Pa, optional
@@ -182,23 +190,31 @@ def track(
     """
     content_of(Path(start))  # a broken one is one sentence, not one a recording
     rows = read_table(Path(table)) if table else {}
-    limits = LifeLimits(limit, read_wear_table(Path(wear_table)) if wear_table else None)
+    rig = Path(wear_table) if wear_table else Path(start).with_suffix(WEAR_TABLE)
+    limits = LifeLimits(limit, read_wear_table(rig) if wear_table or rig.is_file() else None)
     several = [recordings] if isinstance(recordings, str | PathLike) else recordings
-    apart = [*results, *(Path(path) for path in (table, wear_table) if path)]
+    apart = [*results, rig, *([Path(table)] if table else ())]
     jobs, beside = recordings_of([Path(path) for path in several], rows, apart)
     vehicle, files = vehicle_of(jobs, rows, str(table)), [replace(job, start=Path(start)) for job in jobs if job.path]
     check_workers(workers)
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc), zero=zero)
-    by_path: dict[Path | None, WearReading] = {}
-    for finished in processes.results(partial(read_recording, reading, "fit"), files, workers):
-        by_path[finished.item.path] = unless_lost(finished.item, finished.result)
-        if progress:
-            progress(len(by_path), len(files))
     absent = [job for job in jobs if not job.path and job.vehicle == vehicle]
-    readings = [*counted_once((as_text(path.name), by_path[path]) for job in files if (path := job.path))]
-    readings += [WearReading("bad_input", job.problem, apart=True) for job in absent]
     warnings = () if rows else _several_folders([job.path for job in files if job.path])
-    return WornClutch(wear_of(vehicle, [*files, *absent], readings, limits, warnings), beside)
+    by_path: dict[Path | None, WearReading] = {}
+    todo, reader, count = files, by, 0
+    while True:
+        every = count + len(todo)
+        for finished in processes.results(partial(read_recording, reading, reader), todo, workers):
+            by_path[finished.item.path] = unless_lost(finished.item, finished.result)
+            count += 1
+            if progress:
+                progress(count, every)
+        readings = [*counted_once((as_text(path.name), by_path[path]) for job in files if (path := job.path))]
+        readings += [WearReading("bad_input", job.problem, apart=True) for job in absent]
+        wear = wear_of(vehicle, [*files, *absent], readings, limits, warnings)
+        if by != "auto" or not (todo := [*to_estimate(wear)]):
+            return WornClutch(wear, beside)
+        reader = "estimate"
 
 
 def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
@@ -232,6 +248,7 @@ def table_of(wear: Wear) -> pl.DataFrame:
         "status": [reading.status for reading in readings],
         "message": [reading.message for reading in readings],
         "trust": [reading.trust for reading in readings],
+        "by": pl.Series([reading.by for reading in readings], dtype=pl.String),
         "outcome": [row.outcome for row in rows],
         "reason": [row.reason for row in rows],
         "warnings": [" ".join(job.warnings) for job in jobs],

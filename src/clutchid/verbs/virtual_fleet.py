@@ -131,9 +131,10 @@ def _recorded(out: Path, seconds: float, visit: Visit) -> CsvRow:
     """Drive and write a recording; the row of its truth."""
     driven = drive(
         visit.truck, seconds=seconds, seed=visit.seed, wear=visit.wear, cycles=visit.cycles,
-        temperature=visit.temperature, pressure=False, conditions=True, name=visit.recording,
+        temperature=visit.temperature, pressure=False, conditions=True, offset=visit.offset, name=visit.recording,
     )  # fmt: skip
-    log = driven.log.with_columns(position=visit.gain * driven.log["position"])
+    recorded = driven.log if visit.records_supply else driven.log.without("pressure_supply")
+    log = recorded.with_columns(position=visit.gain * recorded["position"])
     path = out / _RECORDINGS / visit.vehicle / f"{visit.recording}.parquet"
     write(replace(log, metadata={"start": visit.clock.isoformat()}), path)
     if visit.fault == "cut off":
@@ -166,6 +167,8 @@ def _truth(visit: Visit, vehicle: Vehicle) -> CsvRow:
         "supply [1]": visit.supply,
         "leak [m³/(Pa·s)]": visit.leak,
         "gain [1]": visit.gain,
+        "offset [mm]": visit.offset * 1e3,
+        "supply_recorded": visit.records_supply,
         "event": visit.event,
         "fault": visit.fault,
     }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import comparison, half_load_band, measured
+from clutchid.estimation.assess.comparison import compared, comparison, half_load_band, measured
 from clutchid.estimation.assess.reasons import departs, reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
@@ -25,34 +25,40 @@ from clutchid.verbs.fitting import fitted
 from clutchid.verbs.observing import ANYWAY, observed
 from clutchid.verbs.reading import REFUSED, Reading
 from clutchid.verbs.start import content_of
-from clutchid.wear.history import NO_HALF_LOAD, RecordingJob, WearReading, leak_of, unmeasured
+from clutchid.wear.history import (
+    NO_HALF_LOAD,
+    RecordingJob,
+    WearReading,
+    leak_of,
+    not_converged,
+    observed_leak,
+    unmeasured,
+)
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
 
-#: Why a recording that was observed gives no measurement.
-_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
 
-
-def read_recording(reading: Reading, verb: str, job: RecordingJob) -> WearReading:
+def read_recording(reading: Reading, by: str, job: RecordingJob) -> WearReading:
     """Read the load of a recording from position alone with its calibration; a fault is a status.
 
     Parameters
     ----------
     reading
         How it is read, without recordings.
-    verb : 'fit' or 'observe'
-        What reads the load.
+    by : 'estimate' (or 'fit'), 'observe' or 'auto'
+        What reads the load; 'auto' observes it, and estimates it where the supply pressure is not recorded or the
+        observer has another reason not to trust its load.
     job
         A recording with a file and a calibration.
     """
     assert job.path is not None, "others are not read"
     assert job.start is not None, "others are not read"
-    read = _read(replace(reading, logs=(job.path,)), verb, job.path, job.start)
+    read = _read(replace(reading, logs=(job.path,)), by, job.path, job.start)
     return read._replace(message=as_text(read.message), reason=as_text(read.reason))  # its sentences name the file
 
 
-def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
+def _read(reading: Reading, by: str, path: Path, start: Path) -> WearReading:
     clock = checksum = ""
     apart = True  # until it is a recording of an actuator
     try:
@@ -63,7 +69,10 @@ def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
         except NoFramesError:  # the DBC is that of other recordings of the fleet
             (log,) = replace(reading, dbc=()).read(content.actuator)
         clock, apart = str(log.metadata.get("start", "")), False
-        read = (_observed if verb == "observe" else _fitted)(log, content, reading.zero)
+        if by in ("observe", "auto"):
+            read = _observed(log, content, reading.zero, screened=by == "auto")
+        else:
+            read = _fitted(log, content, reading.zero)
     except ClutchidError as error:
         status = "bad_input" if isinstance(error, DataError | ParameterError) else "failed"
         apart = apart and status == "bad_input"  # what cannot be opened here may be a recording all the same
@@ -116,35 +125,53 @@ def _fitted(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
     """The load as `clutchid estimate` reads it."""
     request = FitRequest(calibration=content.calibration, zero=zero)
     fit = fitted(Reading((log,)), content.actuator, request).raised()
-    judged, compared = verdict(fit), comparison(fit)
-    half, trust = compared.half_now if compared else NO_HALF_LOAD, judged.trust
+    judged, change = verdict(fit), comparison(fit)
+    half, trust = change.half_now if change else NO_HALF_LOAD, judged.trust
     message = fit.message if trust == "good" or not judged.reasons else judged.reasons[0]
     # a load that is only uncertain counts in the trend by its band, which is no reason to warn
     doubtful = any(reason.grave or not reason.banded for reason in reasons(fit))
     status = "warning" if fit.warnings or doubtful else "ok"
-    reason = unmeasured(fit)
-    measurement = None if reason else measured(fit, log)
+    reason = not_converged(fit) or unmeasured(judged, change)
+    measurement = None if reason else measured(change, log)
     changes = tuple(dict.fromkeys(change.group for change in fit.changes))
     rest = next((recording.rest for recording in fit.recordings.values()), None)
     return WearReading(
         status, message, trust, measurement, leak_of(fit), departs(fit), rest, reason, half_load=half, changes=changes,
-        curve=fit.load_curve,
+        curve=fit.load_curve, by="estimate",
     )  # fmt: skip
 
 
-def _observed(log: Log, content: ParameterFile, zero: Zero) -> WearReading:
-    """The load as `clutchid observe` has it at the end of the recording, which is no measurement of the wear."""
+def _observed(log: Log, content: ParameterFile, zero: Zero, *, screened: bool = False) -> WearReading:
+    """The load as `clutchid observe` has it at the end of the recording.
+
+    If `screened`, a load that the observer has a reason not to trust is estimated instead; what the calibration lacks
+    is no reason, because an estimate lacks it too.
+    """
     from clutchid.documents.observation_rows import observe_sentence
-    from clutchid.estimation.assess.observed import indicators, observed_verdict
+    from clutchid.estimation.assess.observed import MISMATCH, indicators, observed_verdict
     from clutchid.observer.run import loads
 
-    run = observed(Reading((log,), zero=zero), content)
-    after = loads(run).after
-    half = half_load_band(after, float(np.nanmax(run.log["position"])))
+    try:
+        run = observed(Reading((log,), zero=zero), content)
+    except ClutchidError:
+        if screened:  # an observer needs more samples
+            return _fitted(log, content, zero)
+        raise
+    shown = indicators(run)
+    after, judged = loads(run).after, observed_verdict(shown)
+    reach = float(np.nanmax(run.travel["position"]))
+    change = compared(run.observer.actuator, run.observer.calibration, after, reach)
+    reason = unmeasured(judged, change)
+    if screened and (reason or observed_verdict(shown._replace(unvented=())).trust != "good"):
+        return _fitted(log, content, zero)
+    half = change.half_now if change else half_load_band(after, reach)
     status = "warning" if run.log.warnings or any(run.health.values()) else "ok"
-    trust, shift = observed_verdict(indicators(run)).trust, from_rest(run.log, content.rest, zero).shift
-    sentence = observe_sentence(run)
-    return WearReading(status, sentence, trust, rest=shift, reason=_ONLY_ITS_END, half_load=half, curve=after)
+    measurement = None if reason else measured(change, run.log, "observe")
+    rest = from_rest(run.log, content.rest, zero).shift
+    return WearReading(
+        status, observe_sentence(run), judged.trust, measurement, observed_leak(run), shown.mismatch > MISMATCH.none,
+        rest, reason, half_load=half, curve=after, by="observe",
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=64)

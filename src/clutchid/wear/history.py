@@ -8,18 +8,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from clutchid.estimation.assess.comparison import HalfLoad, Measurement, change_of, comparison
-from clutchid.estimation.assess.verdict import verdict
+from clutchid.estimation.assess.comparison import By, Comparison, HalfLoad, Measurement, change_of
+from clutchid.estimation.assess.verdict import Verdict
 from clutchid.estimation.result import Fit
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.messages import listed
 from clutchid.names import natural
 from clutchid.strokes.vented_rest import RestShift
+
+if TYPE_CHECKING:
+    from clutchid.observer.run import ObservedRecording
 
 Axis = Literal["strokes", "km", "days", "recordings"]
 
@@ -239,6 +242,8 @@ class WearReading(NamedTuple):
         The load; None without one.
     apart
         Whether the file is in no count of its vehicle: it is no recording of an actuator, or a copy of another one.
+    by
+        What read the load; None where nothing did.
     """
 
     status: str
@@ -255,6 +260,7 @@ class WearReading(NamedTuple):
     changes: tuple[str, ...] = ()
     curve: LoadCurve | None = None
     apart: bool = False
+    by: By | None = None
 
     @property
     def has_place(self) -> bool:
@@ -297,14 +303,32 @@ def leak_of(fit: Fit) -> Leak | None:
     return Leak(leak.after - leak.before, leak.std, leak.probability) if leak else None
 
 
-def unmeasured(fit: Fit) -> str:
-    """Reason why a recording fitted from a calibration gives no measurement, in a sentence; empty if it gives one.
+def observed_leak(run: ObservedRecording) -> Leak | None:
+    """The leak at the end of a recording that was observed; None if the observer flags none."""
+    from scipy.special import ndtr
+
+    from clutchid.observer.by_stroke import estimates_of
+    from clutchid.observer.configuration import LEAK_FOUND
+    from clutchid.observer.prior import LEAK
+
+    if not run.observer.leaks(run.after):
+        return None
+    estimate = estimates_of(run.observer, run.after)[LEAK]
+    conductance = estimate.value - run.observer.actuator.parameters.C_A0
+    return Leak(conductance, estimate.std, float(ndtr(LEAK_FOUND)))
+
+
+def not_converged(fit: Fit) -> str:
+    """Why a fit that failed or did not converge gives no measurement, in a sentence; empty if it converged."""
+    converged = fit.status != "failed" and fit.converged
+    return "" if converged else f"its search did not converge: {fit.message}".rstrip(".") + "."
+
+
+def unmeasured(judged: Verdict, compared: Comparison | None) -> str:
+    """Why a load read from a calibration gives no measurement, in a sentence; empty if it gives one.
 
     A load that is only uncertain gives one with its band.
     """
-    if fit.status == "failed" or not fit.converged:
-        return f"its search did not converge: {fit.message}".rstrip(".") + "."
-    judged, compared = verdict(fit), comparison(fit)
     if judged.flawed:
         return " ".join(judged.reasons)
     if compared is None:

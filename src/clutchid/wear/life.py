@@ -272,8 +272,10 @@ def wear_of(
     dated = tuple(history.dated[i] for i in history.order)
     apart = tuple((history.dated[i], readings[i]) for i in history.apart)
     life = LIFE[history.axis]
-    model = trend_model(life, table)
-    paths = traced(model, history.s, [reading.measurement for reading in ordered])
+    measurements = [reading.measurement for reading in ordered]
+    readers = tuple(sorted({now.by for now in measurements if now})) or ("estimate",)
+    model = trend_model(life, table, readers)
+    paths = traced(model, history.s, measurements)
     filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
     later = [smoothed_states(path.steps) for path in paths]
     shares = np.array([path.probability for path in paths])
@@ -281,9 +283,7 @@ def wear_of(
     name, end = _limit(table, limit)
     results = verdicts(paths)
     new = {k for k, verdict in enumerate(results) if verdict.outcome == "replaced"}
-    moves = rest_moves(
-        history.s, life, [reading.rest for reading in ordered], [reading.measurement for reading in ordered], new
-    )
+    moves = rest_moves(history.s, life, [reading.rest for reading in ordered], measurements, new)
     outcomes = tuple("jump" if verdict.outcome in CHANGED else verdict.outcome for verdict in results)
     waiting = (k for k, verdict in enumerate(results) if verdict.outcome == "left out" and verdict.probability < SURE)
     wear = Wear(
@@ -298,6 +298,19 @@ def wear_of(
     mean, covariance = _mixed(shares, [states[-1] for states in filtered])
     left = remaining(name, mean[q : q + 2], covariance[q : q + 2, q : q + 2], end, life)
     return replace(wear, left=left)
+
+
+def to_estimate(wear: Wear) -> tuple[RecordingJob, ...]:
+    """The observed recordings that are to be estimated, in the order of the life.
+
+    These are the ones that the trend does not expect, and those before and after an alarm.
+    """
+    named = {name for alarm in wear.alarms for name in (alarm.after, alarm.before)}
+    rows = zip(wear.dated, wear.readings, wear.outcomes, strict=True)
+    return tuple(
+        job for job, reading, outcome in rows
+        if reading.by == "observe" and (outcome in ("left out", "jump") or job.recording in named)
+    )  # fmt: skip
 
 
 def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | None]:

@@ -2,7 +2,8 @@ r"""Trend of a clutch's wear over its recordings: Kalman filters and smoothers o
 
 A quantity grows at a rate that walks, :math:`du = r\,ds + dw_u, \; dr = dw_r`, over strokes, distance or time s. Each
 channel (shift, load) measures :math:`f(u) + a + b + g\,(T - T_{ref}) + v`: the constant error b and that by temperature
-g are the same for all recordings of a vehicle, v is not; a is the sum of the sudden changes of this clutch.
+g are the same for all recordings of a vehicle that `observe` has read, or `estimate`, v is not; a is the sum of the
+sudden changes of this clutch.
 
 Before each measurement the clutch may have been replaced, or its load changed suddenly, or the measurement may be an
 outlier. A sequence of these is a path with a filter of its own; the posterior probabilities of the paths, by Bayes'
@@ -14,12 +15,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy import special
 
-from clutchid.estimation.assess.comparison import SHARES, WORTH, Measurement
+from clutchid.estimation.assess.comparison import SHARES_BY, WORTH, By, Measurement
 from clutchid.log import FloatArray
 
 
@@ -51,6 +53,10 @@ LIFE = {"strokes": 1e6, "km": 4e5, "days": 1100.0, "recordings": 150.0}
 #: Standard deviation of the scatter of wear over a life, as a share of the rate over a life. A guess.
 _SCATTER = 0.05
 
+
+#: Correlation of the constant errors of two readers, which have the calibration in common: benchmarks/results/wear.md,
+#: "By observe".
+_ALIKE = 0.5
 
 #: Air temperature in K that counts as that of the calibration where it had none.
 REFERENCE = 293.15
@@ -154,23 +160,31 @@ class WearTable(NamedTuple):
 class TrendModel:
     """Quantities that grow, and which one each channel measures, by a function of it.
 
-    The state is (value, rate) of each quantity, then (constant error, error in 10 K) of each channel, then the sum of
-    the sudden changes of each channel. `life` is how much of s a life has.
+    The state is (value, rate) of each quantity, then for each of `readers`, which read the recordings, (constant error,
+    error in 10 K) of each channel, then the sum of the sudden changes of each channel. `life` is how much of s a life
+    has.
     """
 
     quantities: tuple[str, ...]
     channels: tuple[tuple[int, _Function], ...]
     life: float
+    readers: tuple[By, ...]
 
     @property
     def errors(self) -> int:
-        """Index of the first channel's errors in the state."""
+        """Index of the first errors in the state."""
         return 2 * len(self.quantities)
+
+    def errors_by(self, reader: By) -> tuple[slice, slice]:
+        """Places of the constant errors of a reader in the state, by channel, and of those by temperature."""
+        first = self.errors + 2 * len(self.channels) * self.readers.index(reader)
+        last = first + 2 * len(self.channels)
+        return slice(first, last, 2), slice(first + 1, last, 2)
 
     @property
     def changes(self) -> int:
         """Index of the first channel's sudden changes in the state."""
-        return self.errors + 2 * len(self.channels)
+        return self.errors + 2 * len(self.channels) * len(self.readers)
 
     @property
     def size(self) -> int:
@@ -202,12 +216,12 @@ class Path(NamedTuple):
     steps: tuple[TrendStep, ...]
 
 
-def trend_model(life: float, table: WearTable | None = None) -> TrendModel:
+def trend_model(life: float, table: WearTable | None = None, readers: tuple[By, ...] = ("estimate",)) -> TrendModel:
     """Shift and load as quantities of their own, or, with a table, both as functions of the wear of the facing."""
     if table is None:
-        return TrendModel(CHANNELS, ((0, _itself), (1, _itself)), life)
+        return TrendModel(CHANNELS, ((0, _itself), (1, _itself)), life, readers)
     by_wear = [_interpolated(table.wear, values) for values in (table.shift, table.load)]
-    return TrendModel(("wear",), ((0, by_wear[0]), (0, by_wear[1])), life)
+    return TrendModel(("wear",), ((0, by_wear[0]), (0, by_wear[1])), life, readers)
 
 
 def _itself(u: FloatArray) -> FloatArray:
@@ -416,18 +430,22 @@ class _Corrected(NamedTuple):
 
 
 def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tuple[FloatArray, FloatArray]:
-    """The state before the first recording; the errors are as large as the first measurement says."""
+    """The state before the first recording; the errors of a reader are as large as its first measurement says."""
     variances = np.zeros(model.size)
     for q, name in enumerate(model.quantities):
         variances[2 * q : 2 * q + 2] = GROWTH[name].start ** 2, (GROWTH[name].rate / model.life) ** 2
-    first = next((measurement for measurement in measurements if measurement is not None), None)
-    for c, (name, std) in enumerate(
-        zip(CHANNELS, (first.shift_std, first.load_std) if first else (1.0, 1.0), strict=True)
-    ):
-        i, shares = model.errors + 2 * c, SHARES[name]
-        variances[i : i + 2] = (shares.common * std) ** 2, (shares.by_temperature * std) ** 2
+    for reader in model.readers:
+        first = next((now for now in measurements if now is not None and now.by == reader), None)
+        stds, shares = (first.shift_std, first.load_std) if first else (1.0, 1.0), SHARES_BY[reader]
+        for place, kind in zip(model.errors_by(reader), ("common", "by_temperature"), strict=True):
+            errors = [getattr(shares[name], kind) * std for name, std in zip(CHANNELS, stds, strict=True)]
+            variances[place] = np.square(errors)
     variances[model.changes :] = (_NONE * _sizes()) ** 2
-    return np.zeros(model.size), np.diag(variances)
+    covariance = np.diag(variances)
+    for pair in permutations(model.readers, 2):
+        places = tuple(np.arange(model.size)[model.errors_by(by)[0]] for by in pair)
+        covariance[places] = _ALIKE * np.sqrt(variances[places[0]] * variances[places[1]])
+    return np.zeros(model.size), covariance
 
 
 def growth_noise(name: str, life: float, ds: float) -> FloatArray:
@@ -489,14 +507,15 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     """The state after a measurement; functions are linearised over the width of the state after it, iterated."""
     values = np.array([now.shift, now.load])
     stds = now.shift_std, now.load_std
-    R = np.diag([scale * (SHARES[name].independent * std) ** 2 for name, std in zip(CHANNELS, stds, strict=True)])
+    shares, (constant, by_temperature) = SHARES_BY[now.by], model.errors_by(now.by)
+    R = np.diag([scale * (shares[name].independent * std) ** 2 for name, std in zip(CHANNELS, stds, strict=True)])
     warmer = (now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0
     after, covariance, H = mean, P, np.zeros((values.size, model.size))
     for _ in range(_ITERATIONS):
         before = H
         H, offset = _linearised(model, after, covariance)
-        H[:, model.errors + 1 : model.changes : 2] = warmer * np.eye(values.size)
-        H[:, model.errors : model.changes : 2] = np.eye(values.size)
+        H[:, by_temperature] = warmer * np.eye(values.size)
+        H[:, constant] = np.eye(values.size)
         if np.all(np.abs(H - before) <= _CONVERGED * np.abs(H)):
             break
         innovation = values - offset - H @ mean

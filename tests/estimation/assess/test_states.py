@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from clutchid.estimation import LoadCurve
-from clutchid.estimation.assess.comparison import SHARES, WORTH, measured
+from clutchid.estimation.assess.comparison import SHARES, WORTH, comparison, measured
 from clutchid.estimation.assess.verdict import FALSE_ALARM, UNKNOWN_DIFFERENCE, states_of_wear
 from fixtures.baselines import ORIGIN, with_baseline
 
@@ -42,7 +42,9 @@ def together(*readings):
 
 def allowed(first, second, warmer=UNKNOWN_DIFFERENCE, recordings=2):
     """What the errors of two readings allow the load to differ by, at the level of all comparisons together."""
-    deviations = [measured(fit, next(iter(fit.recordings.values())).measured).load_std for fit in (first, second)]
+    deviations = [
+        measured(comparison(fit), next(iter(fit.recordings.values())).measured).load_std for fit in (first, second)
+    ]
     share = np.sqrt(SHARES["load"].independent ** 2 + (SHARES["load"].by_temperature * warmer / 10.0) ** 2 / 2)
     comparisons = recordings * (recordings - 1)
     return stats.t(WORTH).ppf(1.0 - FALSE_ALARM / (2 * comparisons)) * share * np.hypot(*deviations)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from clutchid.estimation.assess.evidence import once_a_fit, reach
 from clutchid.estimation.result import Fit, calibrated_curve
+from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray, Log
+from clutchid.model.actuator import Actuator
 from clutchid.numerics.interval import QUANTILE
 
 
@@ -139,12 +142,19 @@ def comparison(fit: Fit) -> Comparison | None:
     narrow: an error of the calibrated parameters changes both in the same direction. What the model misses of a
     calibration is in the band of `calibrated`, and not in that of the difference, because both loads have that error.
     """
-    if fit.baseline is None or fit.status == "failed" or not fit.load_is_fitted:
+    if fit.status == "failed" or not fit.load_is_fitted:
         return None
-    by_data, present, furthest = calibrated_curve(fit.actuator, fit.baseline), fit.load_curve, reach(fit)
-    if by_data is None:
+    return compared(fit.actuator, fit.baseline, fit.load_curve, reach(fit))
+
+
+def compared(
+    actuator: Actuator, calibration: Calibration | None, present: LoadCurve, furthest: float
+) -> Comparison | None:
+    """A load against that of a calibration of its actuator, up to a position in m; None if the calibration has none."""
+    by_data = calibrated_curve(actuator, calibration) if calibration else None
+    if calibration is None or by_data is None:
         return None
-    calibrated, now = by_data.widened(QUANTILE * fit.baseline.missed), half_load_band(present, furthest)
+    calibrated, now = by_data.widened(QUANTILE * calibration.missed), half_load_band(present, furthest)
     shift = _shift(half_load_band(by_data, furthest), now)
     before = half_load_band(calibrated, furthest)
     return Comparison(calibrated, present, _difference(by_data, present), before, now, shift, furthest)
@@ -178,8 +188,17 @@ class Shares(NamedTuple):
     by_temperature: float
 
 
+#: What reads a recording.
+By = Literal["estimate", "observe"]
+
 #: By channel. Five months of eight vehicles of both families: docs/derivations_online.md, "The wear of a clutch".
 SHARES = {"shift": Shares(0.2, 0.4, 0.15), "load": Shares(0.6, 1.0, 0.4)}
+
+#: By what reads the recordings, and channel. Observed ones: benchmarks/results/wear.md, "By observe".
+SHARES_BY: Mapping[By, Mapping[str, Shares]] = {
+    "estimate": SHARES,
+    "observe": {"shift": Shares(0.25, 0.6, 0.1), "load": Shares(0.5, 1.4, 0.3)},
+}
 
 #: Recordings that the prior of the noise is worth: what these shares are known from.
 WORTH = 10.0
@@ -196,6 +215,8 @@ class Measurement(NamedTuple):
         Relative change of the mean load over 5 to 8 mm.
     temperature : K
         Of the air; NaN where it was not recorded.
+    by
+        What read the recording: the errors that its readings share are its own.
     """
 
     shift: float
@@ -203,17 +224,17 @@ class Measurement(NamedTuple):
     load: float
     load_std: float
     temperature: float
+    by: By = "estimate"
 
 
-def measured(fit: Fit, log: Log) -> Measurement | None:
-    """The measurement of a recording that was fitted from a calibration; None if its load does not determine one."""
-    compared = comparison(fit)
-    values = change_of(compared) if compared else None
+def measured(change: Comparison | None, log: Log, by: By = "estimate") -> Measurement | None:
+    """The measurement of a recording whose load is compared with the calibration; None if it does not determine one."""
+    values = change_of(change) if change else None
     if values is None:
         return None
     ambient = log.columns.get("temperature_ambient")
     recorded = ambient is not None and bool(np.isfinite(ambient).any())
-    return Measurement(*values, float(np.nanmean(ambient)) if recorded and ambient is not None else float("nan"))
+    return Measurement(*values, float(np.nanmean(ambient)) if recorded and ambient is not None else float("nan"), by)
 
 
 def change_of(compared: Comparison) -> tuple[float, float, float, float] | None:

@@ -10,7 +10,14 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from clutchid.arguments import checked
-from clutchid.estimation.assess.comparison import ENGAGING, SHARES, WORTH, Measurement, measured
+from clutchid.estimation.assess.comparison import (
+    ENGAGING,
+    SHARES,
+    WORTH,
+    Measurement,
+    comparison,
+    measured,
+)
 from clutchid.estimation.assess.evidence import HORIZON, Reason, evidence, once_a_fit, reach
 from clutchid.estimation.assess.pressure import pressure_notes
 from clutchid.estimation.assess.reasons import bound_notes, reason_apart, reasons, valve_notes
@@ -90,7 +97,9 @@ def states_of_wear(fit: Fit) -> WearStates | None:
 def _measurement(reading: Fit) -> Measurement | None:
     """Measurement of the wear by a recording; None if its reading is not to be used."""
     (recording,) = reading.recordings.values()
-    return None if any(reason.grave for reason in reasons(reading)) else measured(reading, recording.measured)
+    return (
+        None if any(reason.grave for reason in reasons(reading)) else measured(comparison(reading), recording.measured)
+    )
 
 
 def _quantile(recordings: int) -> float:
