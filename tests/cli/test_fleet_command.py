@@ -130,7 +130,7 @@ def test_a_run_that_is_killed_goes_on_and_ends_with_the_same_bytes(blank, folder
     command = [sys.executable, "-m", "clutchid", *arguments(folder, out, "--verb", "observe")]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     store = out / "run.sqlite"
-    wait_for(lambda: process.poll() is not None or (store.exists() and b"r0_again" in store.read_bytes()), 120.0)
+    wait_for(lambda: process.poll() is not None or (store.exists() and b"V1r0" in store.read_bytes()), 120.0)
     process.send_signal(signal.SIGKILL)
     process.wait()
     assert not (out / "results.parquet").exists()

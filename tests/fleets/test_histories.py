@@ -190,3 +190,24 @@ def test_the_place_in_a_table_that_is_gone_is_known_and_another_calibration_ends
     assert run.statuses == {"warning": COUNT}
     assert run.failure.startswith("1 vehicle has no reading (V1)")
     assert "was read from another calibration" in pl.read_parquet(fleet / "out" / "results.parquet")["reason"][0]
+
+
+@pytest.mark.slow
+def test_a_fleet_by_auto_observes_first_and_estimates_what_the_trend_does_not_expect(fleet, monkeypatch):
+    fitted, days = wear_reading._fitted, []
+
+    def observed(log, *_how, **_options):
+        day = int(log.metadata["start"][8:10])
+        days.append(day)
+        return reading(SHIFT * day + (2e-3 if day == 5 else 0.0))._replace(by="observe")
+
+    monkeypatch.setattr(wear_reading, "_observed", observed)
+    monkeypatch.setattr(wear_reading, "_fitted", lambda log, *how: fitted(log, *how)._replace(by="estimate"))
+    run = run_of(fleet, verb="track", by="auto")
+    by = dict(pl.read_parquet(fleet / "out" / "results.parquet").select("recording", "by").rows())
+    assert by == {f"run_{k}": "estimate" if k == 4 else "observe" for k in range(COUNT)}
+    assert (run.read, sorted(days)) == (COUNT + 1, [*range(1, COUNT + 1)])
+    assert set(pl.read_parquet(fleet / OWN)["outcome"]) == {"used"}
+    assert run_of(fleet, verb="track", by="auto").read == 0
+    with pytest.raises(ParameterError, match="--by auto: belongs to --verb track; for --verb fit leave it out"):
+        run_of(fleet, by="auto")

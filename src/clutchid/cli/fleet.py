@@ -16,6 +16,7 @@ from clutchid.cli.common import (
     DONE,
     FAILED,
     FLEET,
+    SEARCH,
     FileOptions,
     Flag,
     OutOption,
@@ -77,6 +78,7 @@ def fleet(
     start: Path,
     out: OutOption,
     verb: Literal["fit", "observe", "track"] = "fit",
+    by: Annotated[Literal["estimate", "observe", "auto"], SEARCH] = "estimate",
     pool: Annotated[WorkerLimits, Parameter(name="*"), FLEET] = _ONE_PROCESS,
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
@@ -107,6 +109,10 @@ def fleet(
     verb
         fit: the load of each recording, as `clutchid estimate`. observe: as `clutchid observe`, at its end. track:
         as fit, and the wear of each vehicle.
+    by
+        With track, what reads the recordings: estimate, or observe at a fifteenth of the time, for recordings with the
+        supply pressure; auto observes where that can be trusted, and estimates the others and what the trend does not
+        expect.
     limit
         With track: shift of the half-load position in mm that ends the life of a clutch, below 0 if it falls; by
         default the last row of TYPE.wear.csv ends it. Without either, what is left is not known.
@@ -135,13 +141,13 @@ def fleet(
 
     ambient, dbc = pressure_option(files.ambient), files.dbc or ()
     if once:
-        row = one_recording.fleet_once(once, start, out, verb=verb, ambient=ambient, channels=files.map, dbc=dbc)
+        row = one_recording.fleet_once(once, start, out, verb=verb, by=by, ambient=ambient, channels=files.map, dbc=dbc)
         _say_row(row, as_json=json)
         return DONE
     shift, place = life_limit(limit), _place(pool)
     with progress_of("fleet") as progress:
         run = verbs.fleet(
-            source, start, out, verb=verb, place=place, limit=shift, retry=retry, fail_share=fail_share,
+            source, start, out, verb=verb, by=by, place=place, limit=shift, retry=retry, fail_share=fail_share,
             forget_missing=forget_missing, table=table, part=part, ambient=ambient, channels=files.map, dbc=dbc,
             command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip

@@ -14,7 +14,7 @@ from clutchid.arguments import checked
 from clutchid.errors import ParameterError
 from clutchid.fleets.jobs import Fleet, with_inputs, with_own_calibration
 from clutchid.fleets.parts import frame_of, write_once
-from clutchid.fleets.plan import now, read_object
+from clutchid.fleets.plan import now, read_object, reader_of
 from clutchid.fleets.storage import Folder, Objects, objects_at, path_of
 from clutchid.fleets.store import RecordingRow, StoredRow, stored_row
 from clutchid.names import as_text
@@ -25,7 +25,7 @@ from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.history import RecordingJob
 
 #: What reads a recording.
-Verb = Literal["fit", "observe", "track"]
+By = Literal["estimate", "observe", "auto"]
 
 
 @checked
@@ -34,7 +34,7 @@ def recording_row(
     name: str,
     start: str | PathLike[str],
     *,
-    verb: Verb = "fit",
+    by: By = "estimate",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -49,7 +49,9 @@ def recording_row(
         Its name with a suffix and the folder of its vehicle, such as ``V1/run.mf4``.
     start : path
         Calibration for all (TOML), or a folder with one for each vehicle.
-    verb, ambient, channels, dbc
+    by
+        What reads it, as in `clutchid.track`.
+    ambient, channels, dbc
         As in `clutchid.fleet`.
 
     Returns
@@ -76,7 +78,7 @@ def recording_row(
         file.parent.mkdir()
         file.write_bytes(content)
         job = _job(file, as_text(path.parent.name), Path(start))
-        return _shown(_read(Fleet((job,)), Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), verb))
+        return _shown(_read(Fleet((job,)), Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), by))
 
 
 @checked
@@ -85,7 +87,8 @@ def fleet_once(
     start: str | PathLike[str],
     out: str | PathLike[str],
     *,
-    verb: Verb = "fit",
+    verb: Literal["fit", "observe", "track"] = "fit",
+    by: By = "estimate",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -101,7 +104,7 @@ def fleet_once(
         A file, or the address of an object; the folder it lies in is its vehicle.
     start, out : paths
         As in `clutchid.fleet`.
-    verb, ambient, channels, dbc
+    verb, by, ambient, channels, dbc
         As in `clutchid.fleet`.
 
     Returns
@@ -123,7 +126,7 @@ def fleet_once(
     else:
         path = path_of(recording)
         fleet = Fleet((_job(path, as_text(path.resolve().parent.name), Path(start)),))
-    row = _read(fleet, Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), verb)
+    row = _read(fleet, Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), reader_of(verb, by))
     write_once(row, objects_at(out) or Folder(path_of(out)))
     return _shown(row)
 
@@ -136,9 +139,8 @@ def _job(path: Path, vehicle: str, start: Path) -> RecordingJob:
     return job
 
 
-def _read(fleet: Fleet, reading: Reading, verb: Verb) -> StoredRow:
+def _read(fleet: Fleet, reading: Reading, how: str) -> StoredRow:
     """The row of the one recording of a fleet."""
-    how = "observe" if verb == "observe" else "fit"
     (job,) = with_inputs(fleet, reading, how).jobs
     begin, read = perf_counter(), partial(read_recording, reading, how)
     result = read_object(fleet.objects, read, job) if fleet.objects else read(job)

@@ -27,7 +27,7 @@ from clutchid.fleets.store import Store, StoredKey, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
 from clutchid.wear.history import RecordingJob
-from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, wear_of
+from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, to_estimate, wear_of
 from clutchid.wear.trend import Interval
 
 if TYPE_CHECKING:
@@ -141,6 +141,22 @@ def vehicles_of(
         vehicles.append(state)
     store.put_vehicles(after)
     return vehicles
+
+
+def to_read_again(
+    states: Sequence[State], store: Store, limits: Callable[[RecordingJob], LifeLimits]
+) -> list[RecordingJob]:
+    """The observed recordings that are to be estimated, of the vehicles of which something is new."""
+    before, jobs = store.vehicles(), []
+    names: set[str] = set()
+    for vehicle, own in _by_vehicle(states):
+        limit, file = limits(own[0].job), f"{_FILES}/{_file_name(vehicle, names)}"
+        if before.get(vehicle, ("",))[0] != _hash(own, limit, file):
+            rows = rows_of(own, store)
+            wear = wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit)
+            again = {job.recording for job in to_estimate(wear)}
+            jobs += [state.job for state in own if state.job.recording in again and not state.file_gone]
+    return jobs
 
 
 def _hash(states: Sequence[State], limit: LifeLimits, file: str) -> str:

@@ -90,7 +90,7 @@ def _record(row: StoredRow, *, whole: bool) -> dict[str, Any]:
     reading, inputs = row.result, json.loads(row.inputs or "[]")
     job, measured, leak, rest = dated(row.job, reading.clock), reading.measurement, reading.leak, reading.rest
     wall, processor, host, worker, attempt = json.loads(row.timing)
-    start, made, verb = (*inputs[:3], *[None] * 3)[:3]
+    start, made = inputs[:2] if inputs else (None, None)
     return {
         "vehicle": row.vehicle, "type": job.type or None, "recording": row.recording, "begin": job.begin,
         "odometer_km": job.odometer, "strokes": job.strokes, "is_recording": not reading.apart,
@@ -105,7 +105,7 @@ def _record(row: StoredRow, *, whole: bool) -> dict[str, Any]:
         "temperature_K": measured.temperature if measured else None,
         **(_banded("rest_shift", (rest.value, rest.low, rest.high), "_mm", 1e3) if rest else {}),
         "leak_m3_per_Pa_s": leak.conductance if leak else None, "leak_std_m3_per_Pa_s": leak.std if leak else None,
-        "sha256": row.sha256 or None, "by": {"fit": "estimate"}.get(verb, verb), "calibration": row.calibration or None,
+        "sha256": row.sha256 or None, "by": reading.by, "calibration": row.calibration or None,
         "calibration_sha256": start, "version": made["clutchid"] if made else None,
         "read_at": _instant(row.read_at), "written_at": datetime.now(UTC) if whole else None, "wall_s": wall,
         "processor_s": processor, "host": host, "worker": worker, "attempt": attempt or None,
@@ -204,8 +204,12 @@ def write_once(row: StoredRow, storage: Storage) -> None:
     storage.write(name, part_content(frame_of([row])), once=True)
 
 
-def append(store: Store, storage: Storage, *, fold: bool = True) -> None:
-    """Write the rows that are in no part yet, a part a date; with `fold`, small parts of a date become one."""
+def append(store: Store, storage: Storage, *, fold: bool = True) -> bool:
+    """Write the rows that are in no part yet, a part a date; with `fold`, small parts of a date become one.
+
+    Whether a part was written.
+    """
+    before = store.parts()
     for date, rows in groupby(store.pending(), key=lambda row: row.date):
         some = list(rows)
         name = _part_name(date, [row.checksum for row in some])
@@ -213,6 +217,7 @@ def append(store: Store, storage: Storage, *, fold: bool = True) -> None:
         store.set_part(name, len(some), [row[:2] for row in some])
     if fold:
         _fold(store, storage)
+    return store.parts() != before
 
 
 def _fold(store: Store, storage: Storage) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from time import monotonic
 from typing import NamedTuple
 
-from clutchid.errors import DataError
+from clutchid.errors import DataError, ParameterError
 from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.storage import Objects
@@ -123,6 +123,19 @@ def read_all(
             progress(count, len(todo))
     finally:
         store.saved()
+
+
+def reader_of(verb: str, by: str) -> str:
+    """What reads the recordings of a fleet by its verb: `by` says it for `track`.
+
+    Raises
+    ------
+    ParameterError
+        If it is said for another verb.
+    """
+    if by != "estimate" and verb != "track":
+        raise ParameterError(f"--by {by}: belongs to --verb track; for --verb {verb} leave it out.")
+    return by if verb == "track" else "observe" if verb == "observe" else "estimate"
 
 
 def now() -> str:

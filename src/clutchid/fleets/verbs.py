@@ -25,18 +25,28 @@ from clutchid.fleets.jobs import (
     with_inputs,
     with_missing,
 )
-from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, vehicles_of, write_fleet, write_results
+from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, to_read_again, vehicles_of, write_fleet, write_results
 from clutchid.fleets.parts import adopt, append
-from clutchid.fleets.plan import COMPILATION, compile_first, planned, read_all, read_object, states_of
-from clutchid.fleets.storage import Folder, Objects, objects_at, path_of, scratch_of, times_of, upload
-from clutchid.fleets.store import run_store
+from clutchid.fleets.plan import (
+    COMPILATION,
+    Key,
+    State,
+    compile_first,
+    planned,
+    read_all,
+    read_object,
+    reader_of,
+    states_of,
+)
+from clutchid.fleets.storage import Folder, Objects, Storage, objects_at, path_of, scratch_of, times_of, upload
+from clutchid.fleets.store import Store, StoredKey, run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
 from clutchid.verbs.folders import STORE
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import read_recording
-from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import LifeLimits
 from clutchid.wear.tables import read_wear_table
 from clutchid.wear.trend import WearTable
@@ -83,6 +93,7 @@ def fleet(
     out: str | PathLike[str],
     *,
     verb: Literal["fit", "observe", "track"] = "fit",
+    by: Literal["estimate", "observe", "auto"] = "estimate",
     place: Workers = ONE_WORKER,
     limit: float | None = None,
     retry: bool = False,
@@ -109,6 +120,8 @@ def fleet(
         Folder of the results, new or that of a run to go on with; or an address of objects.
     verb : 'fit', 'observe' or 'track'
         What reads the load; with 'track' the wear of each vehicle is followed as well.
+    by : 'estimate', 'observe' or 'auto'
+        With 'track': what reads the recordings, as in `clutchid.track`.
     place : Workers
         Number of workers or a scheduler, and limits of time and memory, see `clutchid.fleets.cluster.Workers`.
     limit : m, optional
@@ -169,39 +182,34 @@ def fleet(
     if calibrations.is_file():
         content_of(calibrations)  # a broken one is one sentence, not one a recording
     tables = _wear_tables(calibrations)
-    how = "observe" if verb == "observe" else "fit"
     reading = Reading(ambient=ambient, channels=channels, dbc=tuple(dbc))
+    work = _Work(place, reading, reader_of(verb, by), progress or (lambda _done, _all: None))
     share, about = _share(part), {"source": as_text(places.origin), "verb": verb}
     with run_store(folder, about, share.file if share else STORE) as base:
         before = times_of(folder) if places.target else {}
         adopt(base, storage)
         keys = base.keys()
-        listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, how)
+        listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, work.how)
         if share:
             listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
         if not listed.jobs and not share:
             raise NoRecordingsError(absent)
-        plan = planned(listed.jobs, keys, retry=retry, forget=forget_missing, objects=listed.objects is not None)
-        base.rename(plan.same)
-        base.forget(plan.forgotten)
-        if plan.todo:
-            if 0 < place.seconds < COMPILATION and not place.scheduler:
-                compile_first(how, {job.start for job in plan.todo if job.start})
-            read: Callable[[RecordingJob], WearReading] = partial(read_recording, reading, how)
-            read = partial(read_object, listed.objects, read) if listed.objects else read
-            read_all(place, read, plan.todo, keys, base, progress or (lambda _done, _all: None))
-        append(base, storage, fold=not share)
-        jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
-        is_new = plan.todo or plan.same or plan.forgotten or not all(entry.part for entry in keys.values())
-        trends, states = verb == "track", states_of(jobs, base.keys() if is_new else keys)
+        states, read = _read_new(listed, work, keys, base, storage, retry=retry, forget=forget_missing, fold=not share)
+
+        def limits(job: RecordingJob) -> LifeLimits:
+            return LifeLimits(limit, tables.of(job))
+
+        while by == "auto" and not share and (again := to_read_again(states, base, limits)):
+            work.read(listed, again, {}, base, "estimate")
+            append(base, storage)
+            states, read = states_of([state.job for state in states], base.keys()), read + len(again)
         statuses, gone = Counter(state.status for state in states), sum(state.file_gone for state in states)
         if share:
-            return FleetRun(statuses, len({job.vehicle for job in jobs}), len(plan.todo), places.shown)
+            return FleetRun(statuses, len({state.job.vehicle for state in states}), read, places.shown)
         if table or len(states) <= MOST_ROWS:
             write_results(states, base, storage, folder)
-        vehicles = vehicles_of(
-            states, base, lambda job: LifeLimits(limit, tables.of(job)), command, folder, trends=trends
-        )
+        trends = verb == "track"
+        vehicles = vehicles_of(states, base, limits, command, folder, trends=trends)
         write_fleet(vehicles, command, folder, trends=trends)
         if places.target:
             upload(folder, before, places.target)
@@ -209,14 +217,48 @@ def fleet(
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     failure = _failure(rows, fail_share, trends=trends)
-    return FleetRun(
-        statuses,
-        len(rows),
-        len(plan.todo),
-        places.shown,
-        tuple(filter(None, warnings)),
-        failure,
-    )
+    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure)
+
+
+class _Work(NamedTuple):
+    """How the recordings of a fleet are read: by which workers, with what, and who follows the progress."""
+
+    place: Workers
+    reading: Reading
+    how: str
+    progress: Callable[[int, int], None]
+
+    def read(
+        self, fleet: Fleet, jobs: Sequence[RecordingJob], keys: Mapping[Key, StoredKey], store: Store, how: str = ""
+    ) -> None:
+        """Read recordings of a fleet, also in another way than the usual one."""
+        read = partial(read_recording, self.reading, how or self.how)
+        read = partial(read_object, fleet.objects, read) if fleet.objects else read
+        read_all(self.place, read, jobs, keys, store, self.progress)
+
+
+def _read_new(
+    listed: Fleet,
+    work: _Work,
+    keys: Mapping[Key, StoredKey],
+    base: Store,
+    storage: Storage,
+    *,
+    retry: bool,
+    forget: bool,
+    fold: bool,
+) -> tuple[list[State], int]:
+    """Read what is new or has changed, and append it; what is known of all recordings then, and how many were read."""
+    plan = planned(listed.jobs, keys, retry=retry, forget=forget, objects=listed.objects is not None)
+    base.rename(plan.same)
+    base.forget(plan.forgotten)
+    if plan.todo:
+        if 0 < work.place.seconds < COMPILATION and not work.place.scheduler:
+            compile_first(work.how, {job.start for job in plan.todo if job.start})
+        work.read(listed, plan.todo, keys, base)
+    is_new = append(base, storage, fold=fold) or any(plan)
+    jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
+    return states_of(jobs, base.keys() if is_new else keys), len(plan.todo)
 
 
 class _Places(NamedTuple):
