@@ -14,10 +14,10 @@ from uuid import uuid4
 import tomli_w
 
 from clutchid.app import records
-from clutchid.app.board import Board
+from clutchid.app.board import Board, Item
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
-from clutchid.app.project import read_project, write_project
+from clutchid.app.project import kept, read_project, write_project
 from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
@@ -51,12 +51,13 @@ class Session:
         for item in items:
             self.board.put(item)
         if project:
-            self.board.keep = self._keep
+            self.board.changed = self._keep
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
         self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in items), default=0))
 
-    def _keep(self) -> None:
-        write_project(self.folder, self.board.kept_items())
+    def _keep(self, before: Item | None, after: Item | None) -> None:
+        if kept(before) != kept(after):
+            write_project(self.folder, self.board.kept_items())
 
     def resume(self) -> None:
         """Begin to read the recordings and tables of a project again, and the files that were named."""
