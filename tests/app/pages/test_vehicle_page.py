@@ -39,14 +39,14 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, pictu
     assert names(page) == [UNREAD, "V 2", "V 10"]
     assert page.locator("main b").count() == 0
     page.click("#sort-left")
-    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("left")
+    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("life left")
     assert names(page) == ["V 2", "V 10", UNREAD]
     page.click("#sort-left")
     assert names(page) == ["V 10", "V 2", UNREAD]  # unknown is last in either order
     page.fill("#filter", "REPLACED")
     assert names(page) == ["V 10"]
     page.fill("#filter", "nothing")
-    assert "no vehicle has this" in page.locator(".tools").inner_text()
+    assert "no vehicle matches" in page.locator(".tools").inner_text()
     page.fill("#filter", "")
     page.locator(".row", has_text="V 10").locator("td").first.click()
     page.locator("#trends .uplot").nth(1).wait_for()
@@ -56,7 +56,10 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, pictu
     page.click("#to-fleet")
     assert names(page) == ["V 10", "V 2", UNREAD]  # as it was sorted
     page.click("#vehicle-0")
-    page.locator(".notice.bad, .summary").first.wait_for()
+    said = page.locator(".notice.bad")
+    said.wait_for()
+    assert "none of its recordings gave a load" in said.inner_text()
+    assert page.locator(".item.chosen .dot.bad").count() == 1
     assert "No loads lie beside this file" in page.locator("main").inner_text()
 
 
@@ -80,7 +83,7 @@ def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet):
     page.uncheck("[aria-label='Plot the load of V 2 10']")
     page.locator("footer[hidden]").wait_for(state="attached")
     page.uncheck("#forecast")
-    assert "Orange and dashed" not in page.locator("#trends").inner_text()
+    assert "orange dashed line" not in page.locator("#trends").inner_text()
     page.click("#theme")
     page.locator("#trends .uplot").nth(1).wait_for()
 
