@@ -95,7 +95,7 @@ def test_a_project_is_written_when_what_it_keeps_changes_and_before_a_page_shows
     session, _ = project(tmp_path)
     written = []
     monkeypatch.setattr(
-        "clutchid.app.session.write_project", lambda *given: (written.append(given), write_project(*given))
+        "clutchid.app.session.write_project", lambda *entries: (written.append(entries), write_project(*entries))
     )
     recording = session.open(tmp_path / "run.csv")
     assert len(written) == 1

@@ -16,8 +16,8 @@ from clutchid.app.jobs import Job
 from clutchid.app.records import content
 
 #: A record of the board.
-Item = Job | records.PageItem
-_Kind = TypeVar("_Kind", bound=Item)
+BoardItem = Job | records.PageItem
+_Kind = TypeVar("_Kind", bound=BoardItem)
 
 
 class BoardChange(NamedTuple):
@@ -25,7 +25,7 @@ class BoardChange(NamedTuple):
 
     number: int
     id: str
-    item: Item | None
+    item: BoardItem | None
 
     def content(self) -> dict[str, Any]:
         """The JSON object that the page gets."""
@@ -38,12 +38,12 @@ class Board:
 
     def __init__(self) -> None:
         #: Called with a record as it was and as it is, before a page gets the change.
-        self.changed: Callable[[Item | None, Item | None], None] = lambda *_: None
+        self.changed: Callable[[BoardItem | None, BoardItem | None], None] = lambda *_: None
         self._newest: dict[str, BoardChange] = {}
         self._number = 0
         self._changed = asyncio.Event()
 
-    def put(self, item: Item) -> None:
+    def put(self, item: BoardItem) -> None:
         """Set a record."""
         self._change(item.id, item)
 
@@ -51,7 +51,7 @@ class Board:
         """Remove a record."""
         self._change(id_, None)
 
-    def _change(self, id_: str, item: Item | None) -> None:
+    def _change(self, id_: str, item: BoardItem | None) -> None:
         before = self.item(id_)
         self._number += 1
         self._newest[id_] = BoardChange(self._number, id_, item)
@@ -64,7 +64,7 @@ class Board:
         if (item := self.item(id_)) is not None:
             self.put(replace(item, **values))
 
-    def item(self, id_: str) -> Item | None:
+    def item(self, id_: str) -> BoardItem | None:
         """A record, or None."""
         change = self._newest.get(id_)
         return None if change is None else change.item

@@ -14,7 +14,7 @@ from uuid import uuid4
 import tomli_w
 
 from clutchid.app import records
-from clutchid.app.board import Board, Item
+from clutchid.app.board import Board, BoardItem
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
 from clutchid.app.project import kept, read_project, write_project
@@ -56,7 +56,7 @@ class Session:
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
         self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in items), default=0))
 
-    def _keep(self, before: Item | None, after: Item | None) -> None:
+    def _keep(self, before: BoardItem | None, after: BoardItem | None) -> None:
         if kept(before) != kept(after):
             write_project(self.folder, self.board.kept_items())
 
