@@ -34,10 +34,10 @@ from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
+from clutchid.parameters import Parameters
 from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.stored import plotted
-from clutchid.version import installed_version
 
 _STATIC = Path(__file__).parent / "static"
 
@@ -116,11 +116,11 @@ async def _index(_request: Request) -> Response:
 
 
 async def _about(session: Session, _request: Request) -> Response:
-    """Units, quantities and verbs, the name of the session, and the recordings that are there, if there was a fit."""
-    units = {name: asdict(unit) for name, unit in UNITS.items()}
+    """Units, quantities, parameters and verbs, the session, and the recordings that are there, if there was a fit."""
     fits = any(result.verb != "file" for result in session.board.all(Result))
     return JSONResponse({
-        "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "units": {name: asdict(unit) for name, unit in UNITS.items()}, "quantities": dict(QUANTITIES),
+        "parameters": {name: row.meaning for name, row in Parameters.rows().items()},
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
         "session": session.name, "offered": [item.id for item in session.board.all(Recording) if fits],
     })  # fmt: skip

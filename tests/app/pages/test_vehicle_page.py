@@ -3,7 +3,9 @@
 import polars as pl
 import pytest
 
-from fixtures.results import STEADY, UNREAD, write_fleet, write_track
+from clutchid.documents.results import WornClutch
+from clutchid.verbs.tracking import write_tracked
+from fixtures.results import STEADY, UNREAD, tracked, write_fleet, write_track
 
 
 @pytest.fixture
@@ -60,7 +62,7 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, pictu
     said.wait_for()
     assert "none of its recordings gave a load" in said.inner_text()
     assert page.locator(".item.chosen .dot.bad").count() == 1
-    assert "No loads lie beside this file" in page.locator("main").inner_text()
+    assert "No loads of this vehicle lie beside this file" in page.locator("main").inner_text()
 
 
 def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet):
@@ -114,6 +116,17 @@ def test_files_of_one_run_are_dropped_together(page, files, tmp_path):
     page.locator("#chart-loads .uplot").wait_for()
     page.click("text=Forget")
     page.locator(".empty").wait_for()
+
+
+def test_the_trust_of_a_vehicle_is_that_of_its_last_recording_with_a_load(page, tmp_path):
+    life = tracked(STEADY, [0.0, 1e-5, 2e-5, float("nan")])
+    write_tracked(WornClutch(life), tmp_path / "wear.parquet")
+    page.click("nav >> text=Vehicle and fleet")
+    page.set_input_files("#tables-files", str(tmp_path / "wear.parquet"))
+    page.locator("#trends .uplot").first.wait_for()
+    facts = page.locator(".facts").inner_text()
+    assert facts.endswith("2025-01-07 to 2025-01-28 · trust good of V 2 02")
+    assert "3 of 4 recordings count" in facts
 
 
 def test_a_file_that_is_no_result_says_what_is_needed(results):

@@ -14,8 +14,7 @@ const base = (name) => name.split("@")[0];
 export function chooseFree(verb, given, start, options, done) {
   let free = freeOf(verb, given);
   let search = "";
-  let rows = [];
-  let asked = 0;
+  let [rows, asked] = [[], 0];
   const [said, holder] = [h("div", {}), h("div", {}, h("p", { class: "hint" }, "Reading the parameters …"))];
   const dialog = h("dialog", { class: "free", "aria-labelledby": "free-title", onclose: () => { dialog.remove(); done(); } },
     h("div", { class: "head" }, h("h2", { id: "free-title" }, `Free parameters: ${verb}`), h("button", { type: "button", id: "free-done", onclick: () => dialog.close() }, "Done")),

@@ -234,8 +234,8 @@ function drawDetails(details) {
 function parameters(found) {
   const names = Object.entries(found.parameters ?? {});
   if (!names.length) return null;
-  return folded("parameters", plural(names.length, "parameter"), table(["parameter", "value", "from", "to", "unit"], names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, name),
-    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { scroll: "Table of parameters" }));
+  return folded("parameters", plural(names.length, "parameter"), table(["parameter", "value", "from", "to", "unit"], names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, about.parameters[name.split("@")[0]] ?? "weight of the load", h("span", { class: "hint" }, ` ${name}`)),
+    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { name: "stack", scroll: "Table of parameters" }));
 }
 
 const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };

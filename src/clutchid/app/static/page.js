@@ -108,7 +108,7 @@ export function follow(lost) {
   };
 }
 
-export const about = { units: {}, quantities: {}, verbs: {}, methods: [], session: "", offered: [] };
+export const about = { units: {}, quantities: {}, parameters: {}, verbs: {}, methods: [], session: "", offered: [] };
 const lasting = {};           // what was ticked, chosen and written, by stage: a tab keeps it until its server ends
 export const lasts = (name, state) => { lasting[name] = state; };
 export const older = new Set();  // recordings that had been there, after a fit, when this tab was opened: it chooses none of them by itself

@@ -235,7 +235,7 @@ function drawVehicle(details, head, { id, found }) {
             onchange: (event) => { state.shown[event.target.checked ? "add" : "delete"](row.recording); plot?.end(); plot = drawLoads(); } })),
           h("th", { scope: "row" }, named(row.recording)), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
       h("p", { class: "hint" }, `Loads have 95 % intervals.${alarmed.size ? " A bar at the left marks a recording with an alarm." : ""}`,
-        found.load_count > loads.length ? ` ${loads.length} of ${found.load_count} loads can be plotted, evenly over the life.` : loads.length ? "" : " No loads lie beside this file (FILE.load.parquet, or curves/ of a fleet), so none is plotted."));
+        found.load_count > loads.length ? ` ${loads.length} of ${found.load_count} loads can be plotted, evenly over the life.` : loads.length ? "" : " No loads of this vehicle lie beside this file (FILE.load.parquet, or curves/ of a fleet), so none is plotted."));
   }
 }
 
@@ -245,7 +245,8 @@ const colourOf = (k, count) => (k === count - 1 ? 0 : k === 0 ? 5 : 1 + ((k - 1)
 function now(trend, alarms) {
   const line = (name) => {
     const [unit, shown] = SHOWN[name];
-    return trend.now[name][0] === null ? null : [h("dt", {}, LABELS[name]), h("dd", {}, interval(trend.now[name], (value) => `${shown(value)} ${unit}`))];
+    const [value, sides] = interval(trend.now[name], shown);
+    return trend.now[name][0] === null ? null : [h("dt", {}, LABELS[name]), h("dd", {}, `${value} ${unit}`, sides)];
   };
   return h("dl", { class: "summary wide" }, Object.keys(LABELS).filter((name) => name in trend.now).map(line), h("dt", {}, "life left"), h("dd", { id: "left" }, left(trend)),
     alarms.length ? null : [h("dt", {}, "alarms"), h("dd", {}, "none")]);
