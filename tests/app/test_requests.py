@@ -42,6 +42,7 @@ def test_a_fit_has_the_command_and_the_python_that_repeat_it(opened):
     assert "free='load,P_S', bounds={'P_S': (800000.0, 900000.0)}, force=True" in shown["python"]
 
 
+@pytest.mark.slow
 def test_free_parameters_are_offered_with_their_bounds_and_what_is_wrong_with_those_that_are_chosen(idle):
     def asked(free, **options):
         answer = idle.ask(
