@@ -3,10 +3,12 @@
 import json
 import os
 import stat
+from dataclasses import replace
 
 import pytest
 
 from clutchid.app.folder import end_folder, new_folder, opening_page, project_folder, sweep
+from clutchid.app.project import read_project, write_project
 from clutchid.app.records import Recording, Result
 from clutchid.app.session import Session
 from clutchid.errors import DataError, ExportError
@@ -86,6 +88,28 @@ def test_a_project_comes_back_as_it_was_without_what_had_not_ended(tmp_path):
     assert again.open(tmp_path / "run.csv") == "recording-3"
     with pytest.raises(ExportError, match="another clutchid app has this project open"):
         project_folder(tmp_path)
+
+
+def test_a_project_is_written_when_what_it_keeps_changes_and_before_a_page_shows_it(tmp_path, monkeypatch):
+    (tmp_path / "run.csv").write_text("time [s],position [m]\n0,0\n")
+    session, _ = project(tmp_path)
+    written = []
+    monkeypatch.setattr(
+        "clutchid.app.session.write_project", lambda *entries: (written.append(entries), write_project(*entries))
+    )
+    recording = session.open(tmp_path / "run.csv")
+    assert len(written) == 1
+    session.board.update(recording, look={"checking": True}, status="ready")
+    session.board.update(recording, look={"checking": False}, status="ready")
+    fit = Result("result-2", "calibrate", "calibrate run.csv (2)")
+    for status in ("waiting", "running"):
+        session.board.put(replace(fit, status=status))
+    assert len(written) == 1
+    session.board.put(replace(fit, status="done", found={"files": []}))
+    assert [item.status for item in read_project(session.folder) if isinstance(item, Result)] == ["done"]
+    session.board.remove(recording)
+    assert [item.id for item in read_project(session.folder)] == ["result-2"]
+    assert len(written) == 3
 
 
 @pytest.mark.parametrize("text", ["{", "{}", '{"items 1": [{"kind": "Recording", "id": "../x"}]}'])

@@ -152,7 +152,10 @@ def test_chosen_strokes_are_a_recording_of_their_own(working, cal):
     assert 0 < event["look"]["grids"][0]["samples"] < 3000
     id_ = working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [1.0, 2.0]}).json["id"]
     assert working.wait(id_, "ready")["look"]["grids"][0]["samples"] == 1000
-    assert "no range of time" in working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [2.0, 1.0]}).message
+    assert (
+        "choose a stroke or a range of time"
+        in working.ask("POST", f"/api/recordings/{cal}/cut", {"span": [2.0, 1.0]}).message
+    )
 
 
 def test_a_file_that_ends_its_reader_is_said_in_the_sentence_of_the_command_line(working, tmp_path, capsys):
@@ -194,7 +197,7 @@ def test_a_recording_is_observed_as_by_the_library(working, calibrated, recorded
     expected = observe(recorded / "worn.csv", working.session.calibration_file(calibrated))
     assert [row["time"] for row in content["loads"][1:]] == [row.time for row in expected.strokes]
     assert content["loads"][-1]["curve"]["force_N"] == expected.strokes[-1].curve.force.tolist()
-    assert content["health"] == expected.health
+    assert len(content["faults"]) == sum(seconds > 0.0 for seconds in expected.health.values())
     answer = working.ask("GET", f"/api/observations/{id_}/plot?grid=0&columns=0,1&begin=1&end=2&width=2000")
     pressure = np.frombuffer(answer.body).reshape(3, -1)[2]
     assert pressure.size == pytest.approx(1000, abs=3)

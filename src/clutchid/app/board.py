@@ -15,8 +15,9 @@ from clutchid.app import records
 from clutchid.app.jobs import Job
 from clutchid.app.records import content
 
-_Item = Job | records.PageItem
-_Kind = TypeVar("_Kind", bound=_Item)
+#: A record of the board.
+BoardItem = Job | records.PageItem
+_Kind = TypeVar("_Kind", bound=BoardItem)
 
 
 class BoardChange(NamedTuple):
@@ -24,7 +25,7 @@ class BoardChange(NamedTuple):
 
     number: int
     id: str
-    item: _Item | None
+    item: BoardItem | None
 
     def content(self) -> dict[str, Any]:
         """The JSON object that the page gets."""
@@ -36,12 +37,13 @@ class Board:
     """Records by id, each with the number of its last change."""
 
     def __init__(self) -> None:
-        self.keep: Callable[[], None] = lambda: None  # called after a change of anything but a job
+        #: Called with a record as it was and as it is, before a page gets the change.
+        self.changed: Callable[[BoardItem | None, BoardItem | None], None] = lambda *_: None
         self._newest: dict[str, BoardChange] = {}
         self._number = 0
         self._changed = asyncio.Event()
 
-    def put(self, item: _Item) -> None:
+    def put(self, item: BoardItem) -> None:
         """Set a record."""
         self._change(item.id, item)
 
@@ -49,20 +51,20 @@ class Board:
         """Remove a record."""
         self._change(id_, None)
 
-    def _change(self, id_: str, item: _Item | None) -> None:
+    def _change(self, id_: str, item: BoardItem | None) -> None:
+        before = self.item(id_)
         self._number += 1
         self._newest[id_] = BoardChange(self._number, id_, item)
         self._changed.set()
         self._changed = asyncio.Event()
-        if not isinstance(item, Job):
-            self.keep()
+        self.changed(before, item)
 
     def update(self, id_: str, **values: Any) -> None:
         """Change some fields of a record, unless it has been removed."""
         if (item := self.item(id_)) is not None:
             self.put(replace(item, **values))
 
-    def item(self, id_: str) -> _Item | None:
+    def item(self, id_: str) -> BoardItem | None:
         """A record, or None."""
         change = self._newest.get(id_)
         return None if change is None else change.item

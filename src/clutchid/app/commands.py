@@ -45,7 +45,6 @@ def fit_command(
     stated = {name: value for name, value in stated.items() if value not in ("", [])}
     force, ambient = bool(stated.pop("force", False)), stated.pop("ambient", None)
     search = read_record(RequestText, stated, "options")
-    search.request(verb)
     pressure_option(None if ambient is None else read_record(str, ambient, "options ambient"))
     return FitCommand(
         verb=verb, logs=_names(files), verify=_names(verify), start=None if start is None else Path(start),

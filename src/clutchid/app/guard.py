@@ -105,13 +105,13 @@ class Guard:
         headers, access = Headers(scope=scope), self.access
         host = headers.get("host", "")
         if host not in access.hosts:
-            return PlainTextResponse("This server answers for this machine only.", 421)
+            return PlainTextResponse("This server answers requests of this machine only.", 421)
         if scope["method"] == "GET" and scope["path"] == "/":
             tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
             if tokens:
                 return self._opened(tokens[0])
         if not self._knows(headers.getlist("cookie")):
-            return PlainTextResponse("Open the address that `clutchid app` has printed: it has a token.", 403)
+            return PlainTextResponse("Open the address that `clutchid app` has printed: it contains a token.", 403)
         ours = headers.get("origin") == f"http://{host}" and headers.get(_OURS) is not None
         if scope["method"] not in _SAFE and not ours:
             return PlainTextResponse("Only the page of this server may change anything.", 403)
@@ -119,7 +119,7 @@ class Guard:
 
     def _opened(self, token: str) -> Response:
         if not _same(token, self.access.token):
-            return PlainTextResponse("This token is not known: open the address that `clutchid app` printed last.", 403)
+            return PlainTextResponse("This token is unknown: open the address that `clutchid app` printed last.", 403)
         answer = RedirectResponse("/", 303)  # the token stays neither in the address bar nor in the history
         answer.set_cookie(self.access.name, self.access.cookie, httponly=True, samesite="strict", path="/")
         return answer

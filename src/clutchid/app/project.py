@@ -20,22 +20,25 @@ _KINDS: dict[str, type[PageItem]] = {kind.__name__: kind for kind in (Recording,
 _ID = re.compile(r"(recording|result|observation|table)-\d+")
 
 
+def kept(item: Any) -> dict[str, Any] | None:
+    """The part of a record that is kept: recordings and tables without content, others if they have ended."""
+    again = isinstance(item, Recording | Table)
+    if not again and (not isinstance(item, Result | Observation) or item.status not in ("done", "failed")):
+        return None
+    left = {"look": None, "found": None, "status": "reading", "message": ""} if again else {}
+    entry = content(item) | left
+    return {"kind": type(item).__name__, **{field.name: entry[field.name] for field in fields(item)}}
+
+
 def write_project(folder: Path, items: Iterable[PageItem]) -> None:
-    """Write the records that come back; a recording and a table are read again, a fit that has not ended is left out.
+    """Write what is kept of records.
 
     Raises
     ------
     ExportError
         If it cannot be written; what stood there is unchanged.
     """
-    shown = []
-    for item in items:
-        again = isinstance(item, Recording | Table)
-        if again or item.status in ("done", "failed"):
-            entry = content(item) | {"look": None, "found": None if again else getattr(item, "found", None)}
-            names = {field.name for field in fields(item)}
-            shown.append({"kind": type(item).__name__, **{name: entry[name] for name in names}})
-    text = json_text({f"items {_FORMAT}": shown})
+    text = json_text({f"items {_FORMAT}": [entry for item in items if (entry := kept(item))]})
     write_text(text.replace(json.dumps(f"{folder}/")[1:-1], "./"), folder / _FILE)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import math
@@ -28,14 +29,15 @@ from clutchid.app.folder import end_folder, new_folder, opening_page, project_fo
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
 from clutchid.app.records import Observation, Recording, Result, Table
 from clutchid.app.session import Session
+from clutchid.documents.json_text import json_text
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
+from clutchid.parameters import Parameters
 from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.stored import plotted
-from clutchid.version import installed_version
 
 _STATIC = Path(__file__).parent / "static"
 
@@ -75,6 +77,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/recordings/{id}/cut", _of(session, _cut), methods=["POST"]),
         Route("/api/calibrations", _of(session, _upload_calibration), methods=["PUT"]),
         Route("/api/fits", _of(session, _fit), methods=["POST"]),
+        Route("/api/choices", _of(session, _choices), methods=["POST"]),
         Route("/api/observations", _of(session, _observe), methods=["POST"]),
         Route("/api/observations/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/observations/{id}/plot", _of(session, partial(_plot, Observation))),
@@ -113,11 +116,11 @@ async def _index(_request: Request) -> Response:
 
 
 async def _about(session: Session, _request: Request) -> Response:
-    """Units, quantities and verbs, the name of the session, and the recordings that are there, if there was a fit."""
-    units = {name: asdict(unit) for name, unit in UNITS.items()}
+    """Units, quantities, parameters and verbs, the session, and the recordings that are there, if there was a fit."""
     fits = any(result.verb != "file" for result in session.board.all(Result))
     return JSONResponse({
-        "version": installed_version(), "folder": str(session.below), "units": units, "quantities": dict(QUANTITIES),
+        "units": {name: asdict(unit) for name, unit in UNITS.items()}, "quantities": dict(QUANTITIES),
+        "parameters": {name: row.meaning for name, row in Parameters.rows().items()},
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
         "session": session.name, "offered": [item.id for item in session.board.all(Recording) if fits],
     })  # fmt: skip
@@ -153,7 +156,9 @@ async def _upload_recording(session: Session, request: Request) -> Response:
 async def _upload_calibration(session: Session, request: Request) -> Response:
     length = request.headers.get("content-length", "")
     if length.isdigit() and int(length) > _LARGEST_BODY:
-        raise DataError(f"{request.query_params.get('name')}: has {int(length) / 1e6:.3g} MB: is no parameter file.")
+        raise DataError(
+            f"{request.query_params.get('name')}: {int(length) / 1e6:.3g} MB is too large for a parameter file."
+        )
     _, path = await _received(session, request)
     return JSONResponse({"id": session.open_calibration(path, path.name, move=True)})
 
@@ -186,7 +191,7 @@ async def _plot(kind: type[Recording | Result | Observation], session: Session, 
         columns = [int(column) for column in query["columns"].split(",") if column]
         begin, end, width = float(query["begin"]), float(query["end"]), int(query["width"])
     except (KeyError, ValueError):
-        raise ParameterError("plot: grid, columns, begin, end and width are needed, as numbers.") from None
+        raise ParameterError("plot: grid, columns, begin, end and width must be numbers.") from None
     if not (math.isfinite(begin) and math.isfinite(end)) or grid < 0 or len(columns) > 64:
         raise ParameterError("plot: begin and end are times in s, and at most 64 columns are plotted.")
     folder = session.columns_of(kind, request.path_params["id"])
@@ -204,7 +209,7 @@ async def _set_map(session: Session, request: Request) -> Response:
         channels = toml_of(body["toml"].encode(), "map", "channel map")
         rate = channels.pop("rate", None)
     if not isinstance(channels, dict) or not isinstance(ambient, str) or not isinstance(rate, int | float | None):
-        raise ParameterError("map: channels by quantity are needed.")
+        raise ParameterError("map: give the channels by quantity.")
     session.set_map(request.path_params["id"], channels, rate, ambient)
     return JSONResponse({})
 
@@ -220,7 +225,7 @@ async def _cut(session: Session, request: Request) -> Response:
     body = await _body(request)
     begins, span = (read_record(list[float], body.get(name, []), name) for name in ("begins", "span"))
     if not begins and not (len(span) == 2 and span[0] < span[1]):
-        raise ParameterError("cut: no stroke and no range of time is chosen.")
+        raise ParameterError("cut: choose a stroke or a range of time.")
     return JSONResponse({"id": session.cut(request.path_params["id"], begins, (span[0], span[1]) if span else None)})
 
 
@@ -231,6 +236,14 @@ async def _fit(session: Session, request: Request) -> Response:
     (verb,) = _texts(body, "verb")
     id_ = session.fit(verb, recordings, verify, start, body.get("options", {}))
     return JSONResponse({"id": id_})
+
+
+async def _choices(session: Session, request: Request) -> Response:
+    """The parameters that a fit may free; in a thread, as the model may have to be derived first."""
+    body = await _body(request)
+    verb, free = _texts(body, "verb", "free")
+    offered = await asyncio.to_thread(session.choices, verb, free, body.get("start") or None, body.get("options", {}))
+    return Response(json_text(offered), media_type="application/json")
 
 
 async def _observe(session: Session, request: Request) -> Response:
@@ -292,13 +305,13 @@ async def _body(request: Request) -> dict[str, Any]:
     """
     length = request.headers.get("content-length", "")
     if not length.isdigit() or int(length) > _LARGEST_BODY:
-        raise ParameterError("this request is too large, or has no length.")
+        raise ParameterError("this request is too large, or its length is not given.")
     try:
         body = json.loads(await request.body())
     except (ValueError, RecursionError):
         body = None
     if not isinstance(body, dict):
-        raise ParameterError("this request is no JSON object.")
+        raise ParameterError("this request is not a JSON object.")
     return body
 
 

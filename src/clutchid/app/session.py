@@ -14,14 +14,15 @@ from uuid import uuid4
 import tomli_w
 
 from clutchid.app import records
-from clutchid.app.board import Board
+from clutchid.app.board import Board, BoardItem
 from clutchid.app.commands import VERBS, fit_command, repeated, repeated_observation
 from clutchid.app.jobs import Job, Jobs, Lane
-from clutchid.app.project import read_project, write_project
+from clutchid.app.project import kept, read_project, write_project
 from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import replace
+from clutchid.verbs.choosing import checked_search, choices
 from clutchid.verbs.options import pressure_option
 
 
@@ -51,12 +52,13 @@ class Session:
         for item in items:
             self.board.put(item)
         if project:
-            self.board.keep = self._keep
+            self.board.changed = self._keep
         self.jobs = Jobs(folder / "processes", self._job_changed, self._job_done, trace)
         self._numbers = itertools.count(1 + max((int(_number(item.id)) for item in items), default=0))
 
-    def _keep(self) -> None:
-        write_project(self.folder, self.board.kept_items())
+    def _keep(self, before: BoardItem | None, after: BoardItem | None) -> None:
+        if kept(before) != kept(after):
+            write_project(self.folder, self.board.kept_items())
 
     def resume(self) -> None:
         """Begin to read the recordings and tables of a project again, and the files that were named."""
@@ -168,6 +170,7 @@ class Session:
         files, others = self._files(recordings), self._files(verify)
         calibration = None if start is None else self.calibration_file(start)
         asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
+        checked_search(verb, asked.search, calibration)
         command, python = repeated(asked, [*files, *others])
         id_, folder = self._result_folder("result")
         # the result names its calibration as the command does
@@ -181,6 +184,21 @@ class Session:
             options=asked.search, made=time.time(), command=command, python=python, map=own,
         )  # fmt: skip
         return self._begin(name, "fits", result, task)
+
+    def choices(self, verb: str, free: str, start: str | None, options: Any) -> dict[str, Any]:
+        """Parameters that a fit may free, and the sentence that refuses its options, empty where none does.
+
+        Raises
+        ------
+        DataError, ParameterError
+            If the calibration is not there, or cannot be read.
+        """
+        calibration, message = None if start is None else self.calibration_file(start), ""
+        try:
+            checked_search(verb, fit_command(verb, options, ()).search, calibration)
+        except ParameterError as error:
+            message = str(error)
+        return {"choices": [choice._asdict() for choice in choices(verb, free, calibration)], "message": message}
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of its result."""

@@ -190,7 +190,7 @@ def export(task: records.Export, events: Events) -> dict[str, Any]:
     """
     from clutchid.verbs.exporting import export as exported
 
-    events.progress("export", None, "writing the C and comparing it with Python")
+    events.progress("export", None, "writing the C code and comparing it with Python")
     when_compiling(lambda _: events.progress("compiling", None, "compiling the model, once per machine"))
     made = task.folder / "export"
     shutil.rmtree(made, ignore_errors=True)

@@ -73,8 +73,8 @@ def upload_size(name: str, length: str | None, folder: Path) -> int:
     size = int(length)
     if size > LARGEST_UPLOAD:
         raise DataError(
-            f"{shown}: has {size / 1e9:.3g} GB, at most {LARGEST_UPLOAD / 1e9:.3g} GB are sent to the page; open it by "
-            "its path, which copies nothing."
+            f"{shown}: {size / 1e9:.3g} GB is more than the {LARGEST_UPLOAD / 1e9:.3g} GB that the page takes; open it "
+            "by its path, which copies nothing."
         )
     free = free_bytes(folder)
     if 2 * size + SPARE > free:
@@ -104,7 +104,7 @@ async def receive_upload(chunks: AsyncGenerator[bytes, None], path: Path, size: 
                     file.write(chunk)
     except OSError as error:
         path.unlink(missing_ok=True)
-        raise DataError(f"{path.name}: could not be kept ({reason_of(error)}).") from error
+        raise DataError(f"{path.name}: could not be saved ({reason_of(error)}).") from error
     except BaseException:
         path.unlink(missing_ok=True)
         raise
@@ -123,7 +123,7 @@ def allowed_path(text: str, below: Path, named: Iterable[Path]) -> Path:
     """
     shown = printable(text)
     if "\x00" in text:
-        raise DataError(f"{shown}: is no path.")
+        raise DataError(f"{shown}: is not a path.")
     try:
         path = (below / text).resolve()
         allowed = path.is_relative_to(below) or path in {file.resolve() for file in named}

@@ -183,7 +183,7 @@ def observation_data(observation: Observation) -> dict[str, Any]:
         "reach_m": float(np.nanmax(run.log["position"])),
         "calibrated": curve_json(curve(run.observer, start(run.observer), grid)),
         "loads": [{"time": at, "stroke": number, "curve": curve_json(load)} for at, number, load in loads],
-        "health": dict(run.health),
+        "faults": [*_flags(run).items],
         "summary": rows,
         "next": {"kind": kind, "why": why, "command": ""},
         "warnings": [*run.log.warnings],

@@ -35,6 +35,61 @@ def test_a_recording_is_dragged_to_verify_and_back_and_the_ticks_follow(page, op
     assert page.locator("#run-calibrate").is_enabled()
 
 
+def test_free_parameters_and_bounds_are_chosen_from_a_list_by_keyboard(page, opened, findings):
+    opened("cal.csv")
+    page.click("nav >> text=Load")
+    page.click("#calibrate summary")
+    page.locator("#calibrate-choose").focus()
+    page.keyboard.press("Enter")
+    page.locator("#free-P_S").wait_for()
+    assert page.locator("#free-P_S").is_disabled()  # it is free with all others
+    page.locator("#free-auto").focus()
+    page.keyboard.press("Space")
+    page.locator("#free-theta_1").wait_for()
+    page.locator("#free-search").focus()
+    page.keyboard.type("supply PRESSURE")
+    assert page.locator("dialog tbody tr:not([hidden])").count() == 1
+    page.locator("#free-P_S").focus()
+    page.keyboard.press("Space")
+    page.locator("#low-P_S:enabled").wait_for()
+    for key in ("Tab", "9e5", "Tab", "8e5", "Tab"):
+        page.keyboard.press(key) if key == "Tab" else page.keyboard.type(key)
+    page.locator("dialog .notice.bad").wait_for()
+    assert page.locator("dialog .notice").inner_text() == "P_S: lower bound 900000 is not below upper bound 800000."
+    for width in (1400, 500):
+        page.set_viewport_size({"width": width, "height": 950})
+        assert page.locator("dialog").evaluate("dialog => dialog.scrollWidth <= dialog.clientWidth")
+        assert findings() == [], width
+    page.fill("#low-P_S", "7e5")
+    page.keyboard.press("Tab")
+    page.locator("dialog .notice").wait_for(state="detached")
+    page.keyboard.press("Escape")
+    assert page.locator("#calibrate-free").input_value() == "load,P_S"
+    page.click("#run-calibrate")
+    page.locator(".answer h2").wait_for()
+    assert page.locator(".board tr").count() == 1
+    page.click("footer button:has-text('Cancel')")
+
+
+def test_a_range_that_is_dragged_is_fitted_in_place_of_its_recording(page, opened):
+    opened("cal.csv")
+    page.locator(".strips[data-shown]").wait_for()
+    for end in (0.8, 0.9):
+        assert page.locator("text=Fit this range").is_hidden()
+        box = page.locator(".strips .u-over").first.bounding_box()
+        page.mouse.move(box["x"] + 0.1 * box["width"], box["y"] + 40)
+        page.mouse.down()
+        page.mouse.move(box["x"] + end * box["width"], box["y"] + 60, steps=5)
+        page.mouse.up()
+        page.click("text=Fit this range")
+        page.locator("#fit-calibrate li").wait_for()
+        assert page.locator("#fit-calibrate li span").all_inner_texts() == ["cal-cut.parquet"]
+        assert page.locator("#fit-estimate li").count() == 0
+        page.locator("#run-calibrate:enabled").wait_for()
+        page.click("nav >> text=Recording")
+        page.click("#item-recording-1")
+
+
 @pytest.mark.parametrize("name", ["broken.csv", "broken.mf4"])
 def test_a_file_that_cannot_be_read_is_said_to_be_one_and_is_offered_nowhere(page, files, name):
     page.set_input_files("#files", str(files / name))

@@ -12,7 +12,7 @@ def shown(page):
 def readout(page, label):
     """The values at A and B, and their difference."""
     cells = page.locator(".readout tr", has_text=label).first.locator("td").all_inner_texts()
-    return [float(cell.replace("–", "nan")) for cell in cells]
+    return [float(cell.replace("–", "nan").replace("−", "-")) for cell in cells]
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_the_map_of_another_recording_is_used_and_what_only_that_one_has_can_be_
     page.click("#item-recording-2")
     page.click("[aria-label='Remove pressure_a from the map']")
     page.click("#apply")
-    page.locator("#apply", has_text="Keep as map and check").wait_for()
+    page.locator("#apply", has_text="Keep this map and check").wait_for()
     assert absent.count() == 0
 
 

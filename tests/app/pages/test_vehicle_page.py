@@ -3,7 +3,9 @@
 import polars as pl
 import pytest
 
-from fixtures.results import STEADY, UNREAD, write_fleet, write_track
+from clutchid.documents.results import WornClutch
+from clutchid.verbs.tracking import write_tracked
+from fixtures.results import STEADY, UNREAD, tracked, write_fleet, write_track
 
 
 @pytest.fixture
@@ -39,14 +41,14 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, pictu
     assert names(page) == [UNREAD, "V 2", "V 10"]
     assert page.locator("main b").count() == 0
     page.click("#sort-left")
-    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("left")
+    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("life left")
     assert names(page) == ["V 2", "V 10", UNREAD]
     page.click("#sort-left")
     assert names(page) == ["V 10", "V 2", UNREAD]  # unknown is last in either order
     page.fill("#filter", "REPLACED")
     assert names(page) == ["V 10"]
     page.fill("#filter", "nothing")
-    assert "no vehicle has this" in page.locator(".tools").inner_text()
+    assert "no vehicle matches" in page.locator(".tools").inner_text()
     page.fill("#filter", "")
     page.locator(".row", has_text="V 10").locator("td").first.click()
     page.locator("#trends .uplot").nth(1).wait_for()
@@ -56,8 +58,11 @@ def test_a_fleet_is_sorted_filtered_and_leads_to_a_vehicle_and_back(fleet, pictu
     page.click("#to-fleet")
     assert names(page) == ["V 10", "V 2", UNREAD]  # as it was sorted
     page.click("#vehicle-0")
-    page.locator(".notice.bad, .summary").first.wait_for()
-    assert "No loads lie beside this file" in page.locator("main").inner_text()
+    said = page.locator(".notice.bad")
+    said.wait_for()
+    assert "none of its recordings gave a load" in said.inner_text()
+    assert page.locator(".item.chosen .dot.bad").count() == 1
+    assert "No loads of this vehicle lie beside this file" in page.locator("main").inner_text()
 
 
 def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet):
@@ -80,7 +85,7 @@ def test_a_vehicle_is_reached_by_keyboard_and_its_loads_are_overlaid(fleet):
     page.uncheck("[aria-label='Plot the load of V 2 10']")
     page.locator("footer[hidden]").wait_for(state="attached")
     page.uncheck("#forecast")
-    assert "Orange and dashed" not in page.locator("#trends").inner_text()
+    assert "orange dashed line" not in page.locator("#trends").inner_text()
     page.click("#theme")
     page.locator("#trends .uplot").nth(1).wait_for()
 
@@ -111,6 +116,17 @@ def test_files_of_one_run_are_dropped_together(page, files, tmp_path):
     page.locator("#chart-loads .uplot").wait_for()
     page.click("text=Forget")
     page.locator(".empty").wait_for()
+
+
+def test_the_trust_of_a_vehicle_is_that_of_its_last_recording_with_a_load(page, tmp_path):
+    life = tracked(STEADY, [0.0, 1e-5, 2e-5, float("nan")])
+    write_tracked(WornClutch(life), tmp_path / "wear.parquet")
+    page.click("nav >> text=Vehicle and fleet")
+    page.set_input_files("#tables-files", str(tmp_path / "wear.parquet"))
+    page.locator("#trends .uplot").first.wait_for()
+    facts = page.locator(".facts").inner_text()
+    assert facts.endswith("2025-01-07 to 2025-01-28 · trust good of V 2 02")
+    assert "3 of 4 recordings count" in facts
 
 
 def test_a_file_that_is_no_result_says_what_is_needed(results):

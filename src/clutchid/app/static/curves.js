@@ -1,6 +1,6 @@
 // Plots with bands: loads over the position, or how they have changed; and the trend of a vehicle over its life.
 import uPlot from "./vendor/uPlot.esm.js";
-import { SERIES, colour, h, marked, short } from "./page.js";
+import { SERIES, axis, colour, following, h, marked, short } from "./page.js";
 
 const ENGAGING = [5, 8];      // mm, where the clutch engages
 
@@ -11,8 +11,6 @@ export function curves(holder, title, several, { zero = false } = {}) {
   const within = (one) => (one.reach ? one.position.findLastIndex((x) => x <= one.reach) : one.position.length);
   const tables = several.map((one) => [one.position.map((x) => 1e3 * x), ...[(i) => i <= within(one), (i) => i >= within(one)].map((is) => one.force.map((value, i) => (is(i) ? value : null))), one.low, one.high]);
   const data = uPlot.join(tables);
-  const axis = { stroke: () => colour("ink"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("grid") },
-    font: "12px sans-serif", labelFont: "13px sans-serif" };
   const series = [{ label: "position [mm]", value: (_, value) => short(value, 4) }];
   const bands = [];
   several.forEach((one, index) => {
@@ -35,8 +33,8 @@ export function curves(holder, title, several, { zero = false } = {}) {
     legend: marked([null, ...several.flatMap((one) => Array(4).fill(SERIES[one.colour % SERIES.length]))]),
     cursor: { drag: { x: true, y: false }, points: { size: 6 } },
     scales: { x: { time: false }, y: { range: () => [low - 0.04 * (high - low), high + 0.04 * (high - low)] } },
-    axes: [{ ...axis, label: "position [mm]", labelSize: 20, size: 36 },
-      { ...axis, label: zero ? "change of the load [N]" : "load [N]", labelSize: 20, size: 62, values: (_, splits) => splits.map((value) => short(value, 6)) }],
+    axes: [axis({ label: "position [mm]", labelSize: 20, size: 36 }),
+      axis({ label: zero ? "change of the load [N]" : "load [N]", labelSize: 20, size: 62, values: (_, splits) => splits.map((value) => short(value, 6)) })],
     series, bands,
     hooks: { drawClear: [(u) => {
       const [left, right] = ENGAGING.map((x) => Math.min(Math.max(u.valToPos(x, "x", true), u.bbox.left), u.bbox.left + u.bbox.width));
@@ -44,12 +42,8 @@ export function curves(holder, title, several, { zero = false } = {}) {
       u.ctx.fillRect(left, u.bbox.top, right - left, u.bbox.height);
     }] },
   }, data, holder);
-  const observer = new ResizeObserver(() => {
-    const width = Math.max(holder.clientWidth, 200);
-    if (plot.width !== width) plot.setSize({ width, height: 300 });
-  });
-  observer.observe(holder);
-  holder.append(h("p", { class: "hint" }, `Around a load its 95 % interval${several.some((one) => one.reach) ? "; dashed beyond the recorded range" : ""}; shaded 5 to 8 mm, where the clutch engages. Drag to zoom, double-click for all.`));
+  const observer = following(holder, 300, () => [plot]);
+  holder.append(h("p", { class: "hint" }, `Bands are 95 % intervals.${several.some((one) => one.reach) ? " Lines are dashed beyond the recorded range." : ""} The clutch engages in the shaded range, 5 to 8 mm. Drag to zoom, double-click to show all.`));
   return { redraw: () => plot.redraw(true), end: () => { observer.disconnect(); plot.destroy(); } };
 }
 
@@ -62,7 +56,7 @@ let keys = 0;
 /** Plots in `holder`; `state.forecast` says whether what is left is shown. */
 export function trends(holder, trend, recordings, state) {
   const key = `trends-${keys++}`;
-  const { along, axis, alarms, limit } = trend;
+  const { along, alarms, limit } = trend;
   const [first, last] = [along[0], along.at(-1)];
   const left = trend.left?.map((value) => (value === "inf" ? Infinity : value)) ?? null;
   const reached = left && Number.isFinite(left[1]);
@@ -71,13 +65,9 @@ export function trends(holder, trend, recordings, state) {
   const area = h("div", { class: "strips" });
   const tick = h("label", {}, h("input", { type: "checkbox", id: "forecast", checked: state.forecast, onchange: (event) => { state.forecast = event.target.checked; draw(); } }), " Forecast to the limit");
   const words = h("p", { class: "hint" });
-  holder.replaceChildren(h("div", { class: "tools" }, reached && tick, h("span", { class: "hint" }, "Drag to zoom, double-click for all.")), area, words);
+  holder.replaceChildren(h("div", { class: "tools" }, reached && tick, h("span", { class: "hint" }, "Drag to zoom, double-click to show all.")), area, words);
   let plots = [];
-  const observer = new ResizeObserver(() => {
-    const width = Math.max(area.clientWidth, 200);
-    for (const plot of plots) if (plot.width !== width) plot.setSize({ width, height: HEIGHT });
-  });
-  observer.observe(area);
+  const observer = following(area, HEIGHT, () => plots);
 
   /** The last place that is shown: the median of the forecast, or its lower end where there is none, with a margin. */
   function end() {
@@ -91,7 +81,7 @@ export function trends(holder, trend, recordings, state) {
     const span = [first, end()];
     if (!(span[1] > span[0])) { span[0] -= 0.5; span[1] += 0.5; }
     const edge = 0.02 * (span[1] - span[0]);
-    words.textContent = `Dots are readings, the line is the trend given all of them, shaded its 95 % band.${alarms.length ? " Red and dashed: alarms." : ""}${state.forecast ? " Orange and dashed: the limit; the bar on it is where the trend reaches it with 90 %, the dot its median." : ""}`;
+    words.textContent = `Dots are readings; the line is the trend through all of them, with its 95 % band.${alarms.length ? " Red dashed lines are alarms." : ""}${state.forecast ? " The orange dashed line is the limit. The bar on it is the 90 % interval in which the trend reaches it, the dot the median." : ""}`;
     plots = names.map((name, k) => panel(name, [span[0] - edge, span[1] + edge], k === 0, k === names.length - 1));
   }
 
@@ -115,11 +105,10 @@ export function trends(holder, trend, recordings, state) {
     const dots = (label, which, fill) => ({ label, which, stroke: ink(which), paths: () => null, points: { show: true, size: 8, width: 1.5, stroke: ink(which), fill: ink(fill) } });
     const shown = (_, y) => short(y, 4);
     const edges = (label) => ({ label, class: "edge", stroke: () => "transparent", points: { show: false } });
-    const style = { stroke: ink("ink"), grid: { stroke: ink("grid"), width: 1 }, ticks: { stroke: ink("grid") }, font: "12px sans-serif", labelFont: "12px sans-serif" };
     const ends = [...line.low, ...line.high, ...measured, ...(limited ? [factor * limit.value] : [])].filter((y) => y !== null && y !== undefined);
     const [bottom, top] = [Math.min(...ends), Math.max(...ends)];
     const room = 0.08 * (top - bottom || Math.abs(top) || 1);
-    const series = [{ label: axis, value: (_, x) => (x === null || x === undefined ? "–" : Math.round(x).toLocaleString("en")) },
+    const series = [{ label: trend.axis, value: (_, x) => (x === null || x === undefined ? "–" : Math.round(x).toLocaleString("en")) },
       { label: "trend", which: "blue", stroke: ink("blue"), width: 2, value: shown, points: { show: line.x.length === 1 } }, edges("low"), edges("high"),
       ...[[true, "reading", "ink", "ink"], [false, "left out", "red", "paper"]].filter(([counts]) => points(counts)[0].length).map(([, ...rest]) => ({ ...dots(...rest), value: shown }))];
     const all = uPlot.join(tables);
@@ -128,8 +117,8 @@ export function trends(holder, trend, recordings, state) {
       legend: marked(series.map((one) => one.which)),
       cursor: { sync: { key }, drag: { x: true, y: false }, points: { size: 6 } },
       scales: { x: { time: false, range: (_, from, to) => (from === all[0][0] && to === all[0].at(-1) ? span : [from, to]) }, y: { range: () => [bottom - room, top + room] } },
-      axes: [{ ...style, size: lowest ? 36 : 30, label: lowest ? axis : undefined, labelSize: 18, space: 80, values: (_, splits) => splits.map((x) => x.toLocaleString("en")) },
-        { ...style, size: 62, label: title, labelSize: 18, values: (_, splits) => splits.map((y) => short(y, 4)) }],
+      axes: [axis({ size: lowest ? 36 : 30, label: lowest ? trend.axis : undefined, labelSize: 18, space: 80, values: (_, splits) => splits.map((x) => x.toLocaleString("en")) }),
+        axis({ size: 62, label: title, labelSize: 18, values: (_, splits) => splits.map((y) => short(y, 4)) })],
       series, bands: [{ series: [3, 2], fill: () => `${colour("blue")}30` }],
       hooks: { draw: [(u) => { if (limited) drawLimit(u, factor * limit.value, value.findLast((y) => y !== null)); drawAlarms(u, named); }] },
     }, all, area);

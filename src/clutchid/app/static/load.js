@@ -1,6 +1,7 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
-import { about, all, badge, dropping, fill, gone, h, lasts, named, nextStep, notice, older, one, plural, points, repeat, sentences, send, short, summary, table } from "./page.js";
+import { about, all, badge, dropping, fill, folded, gone, h, lasts, named, nextStep, notice, older, one, plural, points, repeat, select, sentences, send, short, summary, table, trusted } from "./page.js";
 import { curves } from "./curves.js";
+import { boundsOf, chooseFree } from "./free.js";
 import { EDGE, UNDER, strips } from "./strips.js";
 import { contents, has, readable, ready, take, unchecked, worst } from "./recording.js";
 
@@ -10,8 +11,8 @@ const options = { calibrate: {}, estimate: {} };
 const refused = { calibrate: "", estimate: "" };
 const sent = new Map();       // files dropped for a fit that are not among the events yet, with their use
 const known = new Set();      // recordings and results that were offered before
+const parts = new Map();      // recordings that a part was cut out of to fit it, by that part
 const board = new Set();      // results that are overlaid
-const opened = new Set();     // verbs whose options are shown
 const target = { to: "c", method: "joint" };  // of an export
 let open = "";                // the result whose details are shown
 let awaited = "";             // a result that was begun, and is not among the events yet
@@ -19,7 +20,7 @@ let begun = "";               // a result that was begun here, whose answer is s
 let plots = [];
 
 export { calibrations };
-lasts("load", { chosen, verified, options, known, board, opened, target, get open() { return open; }, set open(id) { open = id; } });
+lasts("load", { chosen, verified, options, known, parts, board, target, get open() { return open; }, set open(id) { open = id; } });
 
 export function loadStage(main, show) {
   const forms = h("div", { class: "forms" });
@@ -38,7 +39,25 @@ export function loadStage(main, show) {
     if (one("result", begun)?.found || one("result", begun)?.message) { begun = ""; answer.scrollIntoView({ block: "nearest" }); }
   };
   draw();
-  return { changed: draw, choose(id) { open = id; draw(); document.getElementById("downloads")?.scrollIntoView(); }, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
+  return { changed: draw, choose(id, whole) {
+    if (whole) { fitInstead(id, whole); draw(); return; }
+    open = id;
+    draw();
+    document.getElementById("downloads")?.scrollIntoView();
+  }, redraw() { for (const plot of plots) plot?.redraw(); }, end() { for (const plot of plots) plot?.end(); plots = []; } };
+}
+
+/** Choose a part of a recording in place of the whole and of other parts of it; where neither is chosen, as a new recording. */
+function fitInstead(part, whole) {
+  const source = parts.get(whole) ?? whole;
+  parts.set(part, source);
+  known.add(part);
+  const of = (verb) => [...chosen[verb]].filter((id) => (parts.get(id) ?? id) === source);
+  const verbs = Object.keys(about.verbs).filter((verb) => of(verb).length);
+  for (const verb of verbs.length ? verbs : [has(one("recording", whole), "pressure_a") && !calibrations().length ? "calibrate" : "estimate"]) {
+    for (const id of of(verb)) chosen[verb].delete(id);
+    chosen[verb].add(part);
+  }
 }
 
 /** Choose what is new: recordings with pressure to calibrate, without to estimate; the newest calibration to start from. */
@@ -68,6 +87,8 @@ function offer() {
   if (gone.has(chosen.start)) chosen.start = "";
 }
 
+/** The calibrations that a verb may start from, as choices. */
+export const startChoices = () => [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, result.name])];
 const calibrations = () => all("result").filter((result) => result.found?.is_calibration && !result.found.writing);
 
 /** Why a verb cannot run yet; empty where it can. */
@@ -76,13 +97,13 @@ function missing(verb) {
   if (!all("recording").some(readable)) return "Open a recording first.";
   if (!these.length) return "Choose a recording.";
   const unread = these.find((recording) => !ready(recording));
-  if (unread) return `${unread.name} is not read yet.`;
+  if (unread) return `${unread.name} is still being read.`;
   const unmapped = these.find(unchecked);
   if (unmapped) return `${unmapped.name}: check its channels under “Recording”, and keep the map.`;
   const blind = these.find((recording) => verb === "calibrate" && !has(recording, "pressure_a") && !(options[verb].measure ?? "").length);
   if (blind) return `${blind.name} has no pressure: a calibration needs the channel pressure_a.`;
   const bad = these.find((recording) => recording.look.checks.some((check) => check.grade === "bad"));
-  if (bad && !options[verb].force) return `A check of ${bad.name} is bad: mend it under “Recording”, or go on under “More options”.`;
+  if (bad && !options[verb].force) return `A check of ${bad.name} is bad: correct the recording, or allow it under “More options”.`;
   if (verb === "estimate" && !chosen.start) return "Choose a calibration: calibrate first, or open one that was saved.";
   return "";
 }
@@ -121,7 +142,7 @@ function form(verb, title, purpose, redraw) {
     try {
       const recordings = [...chosen[verb]];
       const verify = [...verified[verb]].filter((id) => !chosen[verb].has(id));
-      const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: verb === "estimate" ? chosen.start : null, options: cleaned(options[verb]) });
+      const { id } = await send("POST", "/api/fits", { verb, recordings, verify, start: startOf(verb), options: cleaned(options[verb]) });
       open = awaited = begun = id;
     } catch (problem) { refused[verb] = problem.message; }
     redraw();
@@ -129,34 +150,34 @@ function form(verb, title, purpose, redraw) {
   return h("section", { class: "card", id: verb, "aria-label": title }, h("h2", {}, title), h("p", { class: "hint" }, purpose),
     h("div", { class: "slots" }, slot("fit", "Fit", chosen[verb]), slot("verify", "Verify", verified[verb])),
     rows.length ? table(["fit", "verify", "recording", "has"], rows, { name: "choose" }) : null,
-    verb === "estimate" && h("p", { class: "field" }, h("label", { for: "start" }, "Calibration (--start)"), h("select", { id: "start", onchange: (event) => { chosen.start = event.target.value; redraw(); } },
-      h("option", { value: "" }, calibrations().length ? "–" : "none yet"), calibrations().map((result) => h("option", { value: result.id, selected: result.id === chosen.start }, result.name)))),
+    verb === "estimate" && select("start", "Calibration (--start)", chosen, "start", startChoices(), redraw),
     more(verb, redraw),
     h("div", { class: "run" }, h("button", { type: "button", id: `run-${verb}`, class: "strong", disabled: Boolean(why), onclick: run }, `Run: ${title.toLowerCase()}`), why && h("span", { class: "hint" }, why)),
     notice(refused[verb]));
 }
 
 const listed = (text = "") => text.split(/\s+/).filter(Boolean);
-const cleaned = ({ bounds, prior, ...others }) => ({ ...others, bounds: listed(bounds), prior: listed(prior) });
+const cleaned = (given) => ({ ...given, bounds: boundsOf(given), prior: listed(given.prior) });
+const startOf = (verb) => (verb === "estimate" ? chosen.start : null);
 
 function more(verb, redraw) {
   const given = options[verb];
   const text = (name, label, placeholder, help) => h("p", { class: "field" }, h("label", { for: `${verb}-${name}` }, `${label} (--${name})`),
     h("input", { id: `${verb}-${name}`, value: given[name] ?? "", placeholder, title: help, onchange: (event) => { given[name] = event.target.value; redraw(); } }));
-  const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `${verb}-${name}` }, `${label} (--${name})`),
-    h("select", { id: `${verb}-${name}`, onchange: (event) => { given[name] = event.target.value; redraw(); } }, values.map(([value, words]) => h("option", { value, selected: (given[name] ?? "") === value }, words))));
-  return h("details", { open: opened.has(verb), ontoggle: (event) => opened[event.target.open ? "add" : "delete"](verb) }, h("summary", {}, "More options"),
-    text("free", "Free parameters", about.verbs[verb]?.free ?? "", "Comma-separated; load means all load weights, auto all that a recording with pressure can determine"),
-    text("measure", "Compared columns", about.verbs[verb]?.measure ?? "", "position, or position,pressure_a"),
-    select("method", "Method", about.methods.map((name) => [name, name || "chosen for the request"])),
-    text("bounds", "Bounds", "C_vs=1e-8:3e-8", "NAME=LOW:HIGH in SI units, separated by blanks"),
-    text("prior", "Priors", "P_S=8.5e5±5e3", "NAME=VALUE±STD in SI units, separated by blanks"),
+  const choice = (name, label, values) => select(`${verb}-${name}`, `${label} (--${name})`, given, name, values, redraw);
+  return folded(`options of ${verb}`, "More options",
+    text("free", "Free parameters", about.verbs[verb]?.free ?? "", "Names with commas; load is all load weights, auto all that a recording with pressure determines"),
+    h("p", { class: "field" }, h("button", { type: "button", class: "plain", id: `${verb}-choose`, onclick: () => chooseFree(verb, given, startOf(verb), () => cleaned(given), redraw) }, "Choose free parameters and bounds …"),
+      boundsOf(given).length > 0 && h("span", { class: "hint" }, `Bounds (--bounds): ${boundsOf(given).join(" ")}`)),
+    text("measure", "Measured columns", about.verbs[verb]?.measure ?? "", "position, or position,pressure_a"),
+    choice("method", "Method", about.methods.map((name) => [name, name || "chosen automatically"])),
+    text("prior", "Priors", "P_S=8.5e5±5e3", "NAME=VALUE±STD in SI units, separated by spaces"),
     text("ambient", "Ambient pressure", "1.013bar", "Of the vented chamber in a calibration, and for gauge units"),
-    select("zero", "Vented rest that has moved", [["", "subtract"], ["keep", "keep the position as recorded"]]),
-    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: `${verb}-force`, checked: Boolean(given.force), onchange: (event) => { given.force = event.target.checked; redraw(); } }), " Go on although a check is bad (--force)")));
+    choice("zero", "Where the vented rest has moved", [["", "subtract its shift from the position"], ["keep", "keep the position as recorded"]]),
+    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: `${verb}-force`, checked: Boolean(given.force), onchange: (event) => { given.force = event.target.checked; redraw(); } }), " Fit even if a check is bad (--force)")));
 }
 
-const WAITING = { waiting: "waits for another fit", running: "running", failed: "failed", cancelled: "stopped" };
+const WAITING = { waiting: "waiting for another fit", running: "running", failed: "failed", cancelled: "stopped" };
 
 function drawResults(results, redraw) {
   const rows = all("result").map((result, index) => h("tr", { class: result.id === open ? "chosen" : "" },
@@ -164,12 +185,10 @@ function drawResults(results, redraw) {
       onchange: (event) => { board[event.target.checked ? "add" : "delete"](result.id); redraw(); } })),
     h("td", {}, h("span", { class: `swatch s${index % 6}` })),
     h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `open-${result.id}`, "aria-pressed": String(result.id === open), onclick: () => { open = result.id; redraw(); } }, named(result.name))),
-    h("td", {}, result.found ? result.found.trust && badge(`trust ${result.found.trust}`, grade(result.found.trust)) : badge(WAITING[result.status] ?? result.status, result.status === "failed" ? "bad" : "undetermined")),
+    h("td", {}, result.found ? result.found.trust && trusted(result.found.trust, "trust ") : badge(WAITING[result.status] ?? result.status, result.status === "failed" ? "bad" : "undetermined")),
     h("td", {}, h("button", { type: "button", class: "plain", "aria-label": `Forget ${result.name}`, onclick: () => send("DELETE", `/api/results/${result.id}`) }, "Forget"))));
-  fill(results, h("h2", {}, "Results"), rows.length ? h("div", { class: "scroll" }, h("table", { class: "board" }, h("tbody", {}, rows))) : h("p", { class: "hint" }, "Nothing yet: run a calibration."));
+  fill(results, h("h2", {}, "Results"), rows.length ? h("div", { class: "scroll" }, h("table", { class: "board" }, h("tbody", {}, rows))) : h("p", { class: "hint" }, "No results yet. Run a calibration first."));
 }
-
-const grade = (trust) => ({ good: "good", "with care": "suspect", none: "bad" })[trust] ?? "undetermined";
 
 let drawn = "";
 
@@ -197,7 +216,7 @@ function drawAnswer(answer, show) {
   const { found } = result;
   const acts = { estimate: ["Estimate a worn clutch", () => document.getElementById("estimate").scrollIntoView()], correct: ["Look at the recording", () => show("recording", result.recordings[0])] };
   fill(answer, h("div", { class: "head" }, h("h2", {}, named(result.name))),
-    !found && (result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`)), !found && result.bad_input && h("p", { class: "hint" }, "Mend what the sentence says, and run it again."),
+    !found && (result.message ? notice(result.message) : h("p", { class: "hint" }, `${WAITING[result.status] ?? ""} …`)), !found && result.bad_input && h("p", { class: "hint" }, "Correct this, and run it again."),
     found?.summary && summary(found.summary), found?.next && nextStep(found.next, acts[found.next.kind]));
 }
 
@@ -215,8 +234,8 @@ function drawDetails(details) {
 function parameters(found) {
   const names = Object.entries(found.parameters ?? {});
   if (!names.length) return null;
-  return h("details", {}, h("summary", {}, plural(names.length, "parameter")), table(["parameter", "value", "from", "to", "unit"], names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, name),
-    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { scroll: "Table of parameters" }));
+  return folded("parameters", plural(names.length, "parameter"), table(["parameter", "value", "from", "to", "unit"], names.map(([name, estimate]) => h("tr", {}, h("th", { scope: "row" }, about.parameters[name.split("@")[0]] ?? "weight of the load", h("span", { class: "hint" }, ` ${name}`)),
+    [estimate.value, estimate.low, estimate.high].map((value) => h("td", { class: "number" }, short(value))), h("td", {}, estimate.unit))), { name: "stack", scroll: "Table of parameters" }));
 }
 
 const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)", "fit.mat": "MATLAB (.mat)", "result.json": "JSON", "export.zip": "Export (ZIP)" };
@@ -224,13 +243,13 @@ const FILES = { "report.html": "Report (page)", "fit.toml": "Parameters (TOML)",
 function downloads(result) {
   const { found } = result;
   const link = (name) => h("a", { class: "button plain", href: `/api/results/${result.id}/files/${encodeURIComponent(name)}`, ...(name === "report.html" ? { target: "_blank", rel: "noopener" } : { download: "" }) }, FILES[name] ?? name);
-  const select = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
+  const choice = (name, values) => h("select", { id: `export-${name}`, "aria-label": name === "to" ? "Export to" : "Method of the observer", onchange: (event) => { target[name] = event.target.value; } }, values.map(([value, words]) => h("option", { value, selected: target[name] === value }, words)));
   const failed = all("job").filter((job) => job.do === "Export" && job.about === result.id).at(-1);
   return h("section", { class: "downloads", id: "downloads", "aria-label": "Downloads" }, h("h3", {}, "Downloads"),
     found.writing ? h("p", { class: "hint" }, "Files are being written …") : h("div", { class: "buttons" }, Object.keys(FILES).filter((name) => (found.files ?? []).includes(name)).map(link)),
     found.failures?.length ? notice(found.failures.join("\n")) : null,
-    found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", select("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU, FMI 2.0"], ["c,fmu3", "C99 and FMU, FMI 3.0"], ["c,matlab", "C99 and Simulink"], ["c,dbc", "C99 and DBC"]]),
-      select("method", ["joint", "states", "paper"].map((name) => [name, name])),
+    found.is_calibration && !found.writing && h("div", { class: "tools" }, "Export for a control unit:", choice("to", [["c", "C99"], ["c,a2l", "C99 and A2L"], ["c,fmu2", "C99 and FMU, FMI 2.0"], ["c,fmu3", "C99 and FMU, FMI 3.0"], ["c,matlab", "C99 and Simulink"], ["c,dbc", "C99 and DBC"]]),
+      choice("method", ["joint", "states", "paper"].map((name) => [name, name])),
       h("button", { type: "button", id: "export", onclick: () => send("POST", `/api/results/${result.id}/export`, { ...target }) }, "Export")),
     failed?.status === "failed" && notice(failed.message),
     result.exports.map((one) => h("p", {}, link(one.file), ` ${one.words}`)));
@@ -238,9 +257,9 @@ function downloads(result) {
 
 function residualStrips(holder, result) {
   const { recordings } = result.found;
-  const select = h("select", { "aria-label": "Recording", onchange: () => draw(Number(select.value)) }, recordings.map((one, i) => h("option", { value: String(i) }, `${one.name}${one.verified ? " (verified)" : ""}`)));
+  const which = h("select", { "aria-label": "Recording", onchange: () => draw(Number(which.value)) }, recordings.map((one, i) => h("option", { value: String(i) }, `${one.name}${one.verified ? " (verified)" : ""}`)));
   const area = h("div", {});
-  holder.replaceChildren(...(recordings.length > 1 ? [select] : []), area);
+  holder.replaceChildren(...(recordings.length > 1 ? [which] : []), area);
   let shown = null;
   const draw = (grid) => {
     shown?.end();

@@ -23,11 +23,11 @@ function go(wanted) {
   document.getElementById("stages").replaceChildren(...Object.entries(STAGES).map(([key, [title]]) => h("a", { href: `#${key}`, "aria-current": key === name ? "page" : null }, title)));
 }
 
-/** Show a stage, and in it the object with this id. */
-function show(wanted, id) {
+/** Show a stage, and in it the object with this id, in place of another one. */
+function show(wanted, id, other) {
   go(wanted);
   location.hash = wanted;
-  stage.choose(id);
+  stage.choose(id, other);
 }
 
 function setTheme(dark) {

@@ -1,12 +1,12 @@
 // The stage "On line": a recording played through the observer of a calibration, as a control unit would follow it.
-import { all, fill, gone, h, item, lasts, named, nextStep, notice, older, one, points, repeat, sentences, send, short, summary } from "./page.js";
+import { all, fill, gone, h, item, lasts, named, nextStep, notice, older, one, points, repeat, select, sentences, send, summary } from "./page.js";
 import { curves } from "./curves.js";
 import { EDGE, UNDER, strips } from "./strips.js";
-import { calibrations } from "./load.js";
+import { calibrations, startChoices } from "./load.js";
 import { has, readable, ready, unchecked } from "./recording.js";
 
 const METHODS = ["joint", "states", "paper"];
-const SPEEDS = [["1", "1x"], ["10", "10x"], ["inf", "as fast as it goes"]];
+const SPEEDS = [["1", "1×"], ["10", "10×"], ["inf", "as fast as possible"]];
 const chosen = { recording: "", start: "", method: "joint", force: false };
 lasts("online", chosen);
 let refused = "";
@@ -42,7 +42,7 @@ export function onlineStage(main, show) {
 function missing() {
   const recording = one("recording", chosen.recording);
   if (!recording) return "Choose a recording.";
-  if (!recording.look || recording.look.checking) return `${recording.name} is not read yet.`;
+  if (!recording.look || recording.look.checking) return `${recording.name} is still being read.`;
   if (unchecked(recording)) return `${recording.name}: check its channels under “Recording”, and keep the map.`;
   return chosen.start ? "" : "Choose a calibration: make one under “Load”, or open one that was saved.";
 }
@@ -52,13 +52,12 @@ function drawForm(form, redraw) {
   if (!chosen.recording || gone.has(chosen.recording) || (one("recording", chosen.recording) && !readable(one("recording", chosen.recording)))) chosen.recording = [...recordings.filter((recording) => !has(recording, "pressure_a")), ...recordings.toReversed()].find((recording) => ready(recording) && !older.has(recording.id))?.id ?? "";
   if (!chosen.start || gone.has(chosen.start)) chosen.start = calibrations().at(-1)?.id ?? "";
   const why = missing();
-  const select = (name, label, values) => h("p", { class: "field" }, h("label", { for: `observe-${name}` }, label), h("select", { id: `observe-${name}`, onchange: (event) => { chosen[name] = event.target.value; redraw(); } },
-    values.map(([value, words]) => h("option", { value, selected: chosen[name] === value }, words))));
+  const choice = (name, label, values) => select(`observe-${name}`, label, chosen, name, values, redraw);
   fill(form, h("h2", {}, "Observe"), h("p", { class: "hint" }, "Load and pressure sample by sample, from position and duty cycles alone."),
-    select("recording", "Recording", [["", "–"], ...recordings.map((recording) => [recording.id, recording.name])]),
-    select("start", "Calibration (--start)", [["", calibrations().length ? "–" : "none yet"], ...calibrations().map((result) => [result.id, result.name])]),
-    select("method", "Method (--method)", METHODS.map((name) => [name, name])),
-    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Go on although a check is bad (--force)")),
+    choice("recording", "Recording", [["", "–"], ...recordings.map((recording) => [recording.id, recording.name])]),
+    choice("start", "Calibration (--start)", startChoices()),
+    choice("method", "Method (--method)", METHODS.map((name) => [name, name])),
+    h("p", { class: "field" }, h("label", {}, h("input", { type: "checkbox", id: "observe-force", checked: chosen.force, onchange: (event) => { chosen.force = event.target.checked; } }), " Observe even if a check is bad (--force)")),
     h("div", { class: "run" }, h("button", { type: "button", id: "run-observe", class: "strong", disabled: Boolean(why), onclick: async () => {
       try { open = awaited = (await send("POST", "/api/observations", chosen)).id; refused = ""; } catch (problem) { refused = problem.message; }
       redraw();
@@ -66,7 +65,7 @@ function drawForm(form, redraw) {
 }
 
 function drawPlayer(player, run, showStage) {
-  if (!run) { fill(player, h("p", { class: "hint" }, "Nothing yet: run an observer.")); return null; }
+  if (!run) { fill(player, h("p", { class: "hint" }, "No results yet. Run an observer first.")); return null; }
   const head = h("div", { class: "head" }, h("h2", {}, named(run.name)), h("button", { type: "button", class: "plain", onclick: () => send("DELETE", `/api/observations/${run.id}`) }, "Forget"));
   const { found } = run;
   if (!found) { fill(player, head, run.message ? notice(run.message) : h("p", { class: "hint" }, `${run.status} …`)); return null; }
@@ -86,10 +85,9 @@ function drawPlayer(player, run, showStage) {
   const words = h("p", { class: "hint", id: "stroke" });
   const area = h("div", {});
   const acts = { export: ["Export the observer", () => showStage("load", run.start)], correct: ["Look at the recording", () => showStage("recording", run.recording)] };
-  const raised = Object.entries(found.health).filter(([, seconds]) => seconds > 0);
   fill(player, head, summary(found.summary), nextStep(found.next, acts[found.next.kind]), h("div", { class: "tools player" }, button, h("button", { type: "button", class: "plain", onclick: () => step(-1) }, "◀ Stroke"), h("button", { type: "button", class: "plain", id: "step", onclick: () => step(1) }, "Stroke ▶"), rates, shownTime), slider,
     load, words, area,
-    h("h3", {}, "Faults in the whole recording"), raised.length ? h("ul", {}, raised.map(([name, seconds]) => h("li", {}, `${name}: ${short(seconds, 3)} s`))) : h("p", { class: "hint" }, "None."),
+    h("h3", {}, "Faults in the whole recording"), found.faults.length ? h("ul", {}, found.faults.map((text) => h("li", {}, text))) : h("p", { class: "hint" }, "None."),
     sentences(found.warnings, "warning"), repeat(run));
   const line = (name, label, colour, factor, more = {}) => found.columns.includes(name) ? [{ label, colour, grid: 0, column: found.columns.indexOf(name), value: (x) => factor * x, ...more }] : [];
   const shown = strips(area, {
@@ -99,7 +97,7 @@ function drawPlayer(player, run, showStage) {
       { title: "pressure", unit: "bar", series: [...line("pressure_a", "estimated", "blue", 1e-5, UNDER), ...line("pressure_a_measured [Pa]", "measured", "ink", 1e-5),
         ...line("pressure_a low", "95 % from", "blue", 1e-5, EDGE), ...line("pressure_a high", "to", "blue", 1e-5, EDGE)] },
       { title: "innovation", unit: "mm", series: line("innovation", "measured − predicted position", "orange", 1e3) },
-      { title: "usable", unit: "", series: [...line("used [1]", "position usable", "green", 1), ...line("nis_ratio [1]", "innovations against usual", "purple", 1)] },
+      { title: "usable", unit: "", series: [...line("used [1]", "position usable", "green", 1), ...line("nis_ratio [1]", "innovations relative to usual", "purple", 1)] },
     ].filter((panel) => panel.series.length),
   });
   const pause = () => { cancelAnimationFrame(timer); timer = 0; button.textContent = "Play"; };
@@ -127,7 +125,7 @@ function drawPlayer(player, run, showStage) {
       drawnStroke = row.stroke;
       chart?.end();
       const curve = (label, colour, from) => ({ label, colour, position: from.position_m, force: from.force_N, low: from.low_N, high: from.high_N, reach: found.reach_m });
-      chart = curves(load, "Load as it is known at this time", [curve("before the first sample", 5, found.calibrated), curve("now", 0, row.curve)]);
+      chart = curves(load, "Load estimated up to this time", [curve("before the first sample", 5, found.calibrated), curve("now", 0, row.curve)]);
       words.textContent = row.stroke ? `After stroke ${row.stroke}, which ended at ${row.time.toFixed(2)} s.` : "Before the end of the first stroke.";
     }
   }

@@ -56,7 +56,7 @@ export function upload(path, file, share, begun = () => {}) {
     request.upload.onprogress = (event) => event.lengthComputable && share(event.loaded / event.total);
     request.onload = () => { try { resolve(contentOf(request.responseText, request.status)); } catch (problem) { reject(problem); } };
     request.onerror = () => reject(new Error(`${file.name}: the connection to the server was lost.`));
-    request.onabort = () => reject(new Error(`${file.name}: stopped.`));
+    request.onabort = () => reject(new Error(`${file.name}: the upload was stopped.`));
     begun(() => request.abort());
     request.send(file);
   });
@@ -108,7 +108,7 @@ export function follow(lost) {
   };
 }
 
-export const about = { units: {}, quantities: {}, verbs: {}, methods: [], session: "", offered: [] };
+export const about = { units: {}, quantities: {}, parameters: {}, verbs: {}, methods: [], session: "", offered: [] };
 const lasting = {};           // what was ticked, chosen and written, by stage: a tab keeps it until its server ends
 export const lasts = (name, state) => { lasting[name] = state; };
 export const older = new Set();  // recordings that had been there, after a fit, when this tab was opened: it chooses none of them by itself
@@ -133,11 +133,13 @@ function restore(state, kept) {
   }
 }
 
-/** A number with so many digits, without an exponent where none is needed. */
+/** A number with so many digits, and a power of ten where it is large or small: 0.5, −3.2, 1.9·10⁻⁸. A dash where there is none. */
 export function short(value, digits = 5) {
-  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  const text = Number(value.toPrecision(digits));
-  return Math.abs(text) >= 1e6 || (text !== 0 && Math.abs(text) < 1e-4) ? text.toExponential(2) : String(text);
+  if (!Number.isFinite(value)) return "–";
+  const rounded = Number(value.toPrecision(digits));
+  if (rounded === 0 || (Math.abs(rounded) >= 1e-4 && Math.abs(rounded) < 1e6)) return String(rounded).replace("-", "−");
+  const [mantissa, exponent] = rounded.toExponential(2).split("e");
+  return `${String(Number(mantissa)).replace("-", "−")}·10${[...String(Number(exponent))].map((sign) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign] ?? "⁻").join("")}`;
 }
 
 export function bytes(size) {
@@ -168,16 +170,30 @@ export const summary = (rows) => h("dl", { class: "summary" }, (rows ?? []).map(
 export const nextStep = (next, act) => h("p", { class: "next" }, h("strong", {}, "Next: "), `${next.why}. `,
   act ? h("button", { type: "button", id: "next", class: "plain", onclick: act[1] }, act[0]) : copying(next.command, "Copy the command"));
 
+const unfolded = new Set();   // names of what was unfolded, which stays so when it is drawn again
+lasts("unfolded", unfolded);
+/** Content behind a title, which unfolds it. */
+export const folded = (name, title, ...content) => h("details", { open: unfolded.has(name) },
+  h("summary", { onclick: (event) => unfolded[event.target.closest("details").open ? "delete" : "add"](name) }, title), content);
+
 /** Warnings or notes, behind how many there are. */
-export const sentences = (texts, word) => (texts?.length ? h("details", {}, h("summary", {}, plural(texts.length, word)), h("ul", {}, texts.map((text) => h("li", {}, text)))) : null);
+export const sentences = (texts, word) => (texts?.length ? folded(word, plural(texts.length, word), h("ul", {}, texts.map((text) => h("li", {}, text)))) : null);
 
 /** Command and Python that repeat a result. */
 export function repeat({ command, python }) {
   const block = (title, text) => h("div", { class: "code" }, h("div", { class: "head" }, h("h4", {}, title), copying(text, "Copy")), h("pre", { tabindex: "0" }, text));
-  return command ? h("details", {}, h("summary", {}, "Repeat it on the command line or in Python"), block("Command", command), block("Python", python)) : null;
+  return command ? folded("repeat", "Repeat it on the command line or in Python", block("Command", command), block("Python", python)) : null;
 }
 
 export const badge = (text, mood) => h("span", { class: `badge ${mood.replace(" ", "-")}` }, text);
+
+const MOODS = { good: "good", "with care": "suspect", none: "bad" };
+/** The trust of a result, with a word before it; a dash where there is none. */
+export const trusted = (trust, before = "") => (trust ? badge(`${before}${trust}`, MOODS[trust] ?? "undetermined") : "–");
+
+/** A choice of [value, words] under a label, kept in `state` by its name. */
+export const select = (id, label, state, name, values, redraw) => h("p", { class: "field" }, h("label", { for: id }, label),
+  h("select", { id, onchange: (event) => { state[name] = event.target.value; redraw(); } }, values.map(([value, words]) => h("option", { value, selected: (state[name] ?? "") === value }, words))));
 
 /** An entry of the list at the left: its mark, name and state. */
 export const item = (id, chosen, mood, name, hint, act) => h("div", { role: "listitem" }, h("button", { type: "button", id: `item-${id}`, class: `item ${chosen ? "chosen" : ""}`, "aria-pressed": String(chosen), onclick: act },
@@ -189,12 +205,23 @@ export function copying(text, label) {
     try {
       await navigator.clipboard.writeText(text);
       button.textContent = "Copied";
-    } catch { button.textContent = "Select and copy it below"; }
+    } catch { button.textContent = "Select the text and copy it"; }
     setTimeout(() => { button.textContent = label; }, 2000);
   } }, label);
   return button;
 }
 
+/** The axis of a plot in the colours of the theme. */
+export const axis = (more) => ({ stroke: () => colour("ink"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("grid") }, font: "12px sans-serif", labelFont: "12px sans-serif", ...more });
+/** Let plots follow the width of their area; `plots()` are those that are there. */
+export function following(area, height, plots) {
+  const observer = new ResizeObserver(() => {
+    const width = Math.max(area.clientWidth, 200);
+    for (const plot of plots()) if (plot.width !== width) plot.setSize({ width, height });
+  });
+  observer.observe(area);
+  return observer;
+}
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 export const SERIES = ["blue", "orange", "green", "red", "purple", "ink"];
 /** Marks of a legend in the colours of `names`, by series, which follow the theme as the style sheet does. */

@@ -1,5 +1,5 @@
 // The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
-import { about, all, badge, bytes, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
+import { about, all, badge, bytes, drawBox, fill, folded, gone, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
 /** Units in which SI is shown, with factor and offset. */
@@ -12,7 +12,7 @@ const drafts = new Map();     // by recording the map as it is edited, the one l
 const plotted = new Map();    // by recording, what was ticked or unticked in the table of channels
 const messages = new Map();   // sentences of refused maps and cuts, by recording
 const searches = new Map();
-const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF, ASC; or a calibration (TOML)", take, none: "No recordings here.",
+const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF or ASC; or a calibration (TOML)", take, none: "No recordings here.",
   open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
 const picked = new Map();     // by recording, the strokes that were chosen in its table
@@ -20,8 +20,10 @@ lasts("recording", { drafts, plotted, searches, picked, get chosen() { return ch
 let shown = null;             // the strips of the recording that is shown, where they are, and of what
 let holderOfShown = null;
 let keyOfShown = "";
+let lead = null;              // leads to another stage
 
-export function recordingStage(main) {
+export function recordingStage(main, show) {
+  lead = show;
   const add = h("section", { class: "add", "aria-label": "Open recordings" });
   const list = h("div", { class: "list", role: "list", "aria-label": "Recordings" });
   const details = h("div", { class: "details" });
@@ -78,7 +80,7 @@ export function contents(recording) {
 /** The grade of the worst check of a recording. */
 export function worst(recording) {
   if (!readable(recording)) return "bad";
-  if (!recording.look) return "";
+  if (!recording.look || recording.look.checking) return "";
   if (unchecked(recording)) return "suspect";
   const grades = recording.look.checks.map((check) => check.grade);
   return grades.includes("bad") ? "bad" : grades.includes("suspect") || recording.look.warnings.length ? "suspect" : grades.length ? "good" : "";
@@ -140,7 +142,7 @@ function drawDetails(details) {
     fill(details, h("div", { class: "empty" }, h("h2", {}, "Recordings"),
       h("p", {}, "Open a recording of the clutch actuator: position, duty cycles of the valves and, for a calibration, the pressure in the chamber."),
       h("ol", {}, h("li", {}, "Look at it here, and see what the checks say."), h("li", {}, "Calibrate the new clutch under “Load”."),
-        h("li", {}, "Estimate the load of the worn one, and compare both."))));
+        h("li", {}, "Estimate the load of the worn clutch, and compare the two."))));
     return;
   }
   const head = h("div", { class: "head" }, h("h2", {}, named(recording.name)),
@@ -158,8 +160,8 @@ function drawDetails(details) {
   const usable = readable(recording);
   fill(details, head, h("p", { class: "facts" }, facts.join(" · ")),
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
-    usable && look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names; the table below has them.") :
-      h("div", { class: "notice care" }, "The channels below are proposed, partly by guessing. Check them, and keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
+    usable && look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names. They are listed below.") :
+      h("div", { class: "notice care" }, "Some of the channels below are guessed. Check them, then keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
     ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
   if (!look.channels.length) return;
   drawChannels(channels, recording, () => drawStrips(plots, recording, () => drawDetails(details)));
@@ -214,11 +216,11 @@ function drawStrips(holder, recording, refused) {
     series.push({ label, colour: SERIES[series.length % SERIES.length], grid: channel.grid, column: channel.column, value, delay: entry?.delay || 0 });
   }
   const spans = look.grids.map((grid) => grid.time ? [grid.time.first_s, grid.time.last_s] : [0, Math.max(grid.samples - 1, 1)]);
-  if (!panels.size || !spans.length) { fill(holder, h("p", { class: "hint" }, "Choose channels to plot below.")); return; }
+  if (!panels.size || !spans.length) { fill(holder, h("p", { class: "hint" }, "Choose the channels to plot in the table below.")); return; }
   const span = [Math.min(...spans.map((one) => one[0])), Math.max(...spans.map((one) => one[1]))];
   if (!(span[1] > span[0])) span[1] = span[0] + 1;
   [holderOfShown, keyOfShown] = [holder, stripsKey(recording)];
-  shown = strips(holder, { panels: [...panels.values()], span, cut: !unchecked(recording) && ((range) => cut(recording, { span: range }, refused)), read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
+  shown = strips(holder, { panels: [...panels.values()], span, ranged: unchecked(recording) ? [] : RANGED.map(([text, label, act]) => [text, label, (range) => act(recording, range, refused)]), read: (...rest) => points(`/api/recordings/${recording.id}/plot`, ...rest) });
 }
 
 function drawChannels(holder, recording, replot) {
@@ -281,7 +283,7 @@ function drawChannels(holder, recording, replot) {
     h("div", { class: "tools" }, h("input", { type: "search", id: "search", placeholder: `Search ${plural(every.length, "channel")}`, value: search, "aria-label": "Search channels",
       oninput: (event) => { searches.set(recording.id, event.target.value); const at = event.target.selectionStart; drawChannels(holder, recording, replot); document.getElementById("search").setSelectionRange(at, at); } }),
     h("label", { for: "ambient" }, "Ambient pressure"), ambient,
-    (changed || readable(recording)) && h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep as map and check"),
+    (changed || readable(recording)) && h("button", { type: "button", id: "apply", onclick: apply, class: changed || unchecked(recording) ? "" : "plain" }, changed ? "Apply the map and check" : "Keep this map and check"),
     changed && h("button", { type: "button", class: "plain", onclick: () => { drafts.delete(recording.id); redraw(); } }, "Undo"),
     h("label", { class: "button plain" }, "Use a map …", h("input", { type: "file", id: "use-map", accept: ".toml", class: "hidden", onchange: ({ target }) => target.files.length && use(target.files[0].text()) })),
     usual && h("button", { type: "button", id: "map-of-calibration", class: "plain", onclick: () => useOf(usual.id) }, `Use the map of ${usual.name}`),
@@ -289,9 +291,9 @@ function drawChannels(holder, recording, replot) {
       h("option", { value: "" }, "Use the map of …"), mapped.map((other) => h("option", { value: other.id }, other.name))),
     recording.map && h("a", { class: "button plain", href: `/api/recordings/${recording.id}/map.toml`, download: "" }, "map.toml")),
     notice(messages.get(recording.id)),
-    table(["plot", "channel", "quantity", "unit", "sign", "factor", "offset", "delay [s]", "range as written", "missing"], [...rows, ...absent], { name: "stack", scroll: "Table of channels" }),
-    found.length > MOST_CHANNELS && h("p", { class: "hint" }, `${found.length - MOST_CHANNELS} more: search for them.`),
-    others.length ? h("p", { class: "hint" }, `Without numbers: ${others.slice(0, 20).map((other) => `${other.channel} (${other.holds})`).join(", ")}`) : null);
+    table(["plot", "channel", "quantity", "unit", "sign", "factor", "offset", "delay [s]", "range in the file", "missing"], [...rows, ...absent], { name: "stack", scroll: "Table of channels" }),
+    found.length > MOST_CHANNELS && h("p", { class: "hint" }, `${found.length - MOST_CHANNELS} more channels: use the search.`),
+    others.length ? h("p", { class: "hint" }, `Channels without numbers: ${others.slice(0, 20).map((other) => `${other.channel} (${other.holds})`).join(", ")}`) : null);
 }
 
 function drawChecks(recording) {
@@ -307,17 +309,28 @@ function drawChecks(recording) {
   return h("section", { "aria-label": "Checks" }, h("h3", {}, "Checks before a fit"),
     rows.length ? h("table", { class: "checks" }, h("tbody", {}, rows)) : notice(look.message, "care"),
     look.warnings.length ? h("ul", { class: "notes" }, look.warnings.map((text) => h("li", {}, text))) : null,
-    look.notes.length ? h("details", {}, h("summary", {}, "What a reading assumes"), h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
+    look.notes.length ? folded("assumed", "Assumptions about the file", h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
 
-/** Make a recording of the chosen strokes, or of a range of time, and show it. */
+/** Make a recording of the chosen strokes, or of a range of time, and show it; its id. */
 async function cut(recording, which, redraw) {
   try {
     const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, which);
     messages.delete(recording.id);
     chosen = id;
+    return id;
   } catch (problem) { messages.set(recording.id, problem.message); redraw(); }
+  return "";
 }
+
+/** What is done with a range of time that is shown. */
+const RANGED = [
+  ["Fit this range", "Fit this range: cut it out and choose it under “Load”", async (recording, span, refused) => {
+    const id = await cut(recording, { span }, refused);
+    if (id) lead("load", id, recording.id);
+  }],
+  ["Cut out this range", "Cut out this range of time as a recording of its own", (recording, span, refused) => cut(recording, { span }, refused)],
+];
 
 function drawStrokes(recording, redraw) {
   const { strokes = [] } = recording.look;
@@ -326,7 +339,7 @@ function drawStrokes(recording, redraw) {
   if (!picked.has(recording.id)) picked.set(recording.id, new Set());
   const these = picked.get(recording.id);
   const button = h("button", { type: "button", disabled: !these.size, onclick: () => cut(recording, { begins: [...these] }, redraw) }, "Cut out the chosen strokes");
-  return h("section", { "aria-label": "Strokes" }, h("details", {}, h("summary", {}, h("h3", {}, plural(only.length, "stroke"))),
+  return h("section", { "aria-label": "Strokes" }, folded("strokes", h("h3", {}, plural(only.length, "stroke")),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
       h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,
         onchange: (event) => { these[event.target.checked ? "add" : "delete"](stroke.begin); button.disabled = !these.size; } })),

@@ -1,6 +1,6 @@
 // Strips: one plot a unit, one below the other, with one time axis and one cursor; A and B are set by click and Shift+click.
 import uPlot from "./vendor/uPlot.esm.js";
-import { colour, h, marked, notice, short } from "./page.js";
+import { axis, colour, following, h, marked, notice, short } from "./page.js";
 
 const HEIGHT = 170;
 /** Lines of the ends of a band, which may be wide where nothing is known yet, and of what is computed, under what was measured. */
@@ -9,9 +9,9 @@ let keys = 0;
 
 /**
  * Strips in `holder`. `panels` are {title, unit, series: [{label, colour, grid, column, value, delay, width, dash}]}, where `value`
- * turns a number as written into the one shown; `cut([from, to])` takes the shown range; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
+ * turns a number as written into the one shown; `ranged` are buttons [text, label, act([from, to])] for a part that is shown; `read(grid, columns, begin, end, width)` gives points; `span` is [begin, end] in s.
  */
-export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
+export function strips(holder, { panels, read, span, ranged = [], marks = [] }) {
   const key = `strips-${keys++}`;
   const plots = [];
   let [begin, end] = span;
@@ -24,13 +24,14 @@ export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
   const area = h("div", { class: "strips", id: key, tabindex: "0", role: "group",
     "aria-label": "Plots over time. Plus and minus zoom, arrow keys move, 0 shows all, a and b set the cursors in the middle." });
   const button = (text, label, act) => h("button", { type: "button", class: "plain", "aria-label": label, title: label, onclick: act }, text);
+  const parted = ranged.map(([text, label, act], k) => h("button", { type: "button", class: k ? "plain" : "", hidden: true, "aria-label": label, title: label, onclick: () => act([begin, end]) }, text));
   const tools = h("div", { class: "tools" },
     button("All", "All: show the whole recording", () => show(...span)), button("+", "Zoom in", () => zoom(0.5)),
     button("−", "Zoom out", () => zoom(2)), button("◀", "Earlier", () => move(-0.5)), button("▶", "Later", () => move(0.5)),
     button("A", "A: set this cursor in the middle", () => set("a", (begin + end) / 2)),
     button("B", "B: set this cursor in the middle", () => set("b", (begin + end) / 2)),
-    cut && button("Cut out this range", "Cut out the shown range of time as a recording of its own, to fit that alone", () => cut([begin, end])),
-    h("span", { class: "hint" }, "Drag to zoom, double-click for all; click sets A, Shift+click B."));
+    parted,
+    h("span", { class: "hint" }, "Drag to zoom, double-click to show all. Click sets cursor A, Shift+click cursor B."));
   holder.replaceChildren(tools, area, readout, error);
 
   const middle = () => (begin + end) / 2;
@@ -44,21 +45,19 @@ export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
     const length = Math.min(to - from, span[1] - span[0]);
     begin = Math.max(span[0], Math.min(from, span[1] - length));
     end = begin + length;
+    for (const part of parted) part.hidden = length === span[1] - span[0];
     return load();
   }
 
   for (const panel of panels) {
-    const axis = { stroke: () => colour("ink"), grid: { stroke: () => colour("grid"), width: 1 }, ticks: { stroke: () => colour("grid") },
-      font: "12px sans-serif" };
     const options = {
       width: Math.max(area.clientWidth, 200), height: HEIGHT, pxAlign: 0,
       legend: marked([null, ...panel.series.map((one) => one.colour)]),
       cursor: { sync: { key }, drag: { x: true, y: false, setScale: false, dist: 5 }, points: { size: 6 },
         bind: { dblclick: () => () => { show(...span); return null; } } },
       scales: { x: { time: false, range: (_, low, high) => [low, high] } },
-      axes: [{ ...axis, values: (_, splits) => splits.map((value) => short(value, 7)) , size: 34 },
-        { ...axis, size: 62, label: `${panel.title}${panel.unit ? ` [${panel.unit}]` : ""}`, labelSize: 18, labelFont: "12px sans-serif",
-          values: (_, splits) => splits.map((value) => short(value, 4)) }],
+      axes: [axis({ values: (_, splits) => splits.map((value) => short(value, 7)), size: 34 }),
+        axis({ size: 62, label: `${panel.title}${panel.unit ? ` [${panel.unit}]` : ""}`, labelSize: 18, values: (_, splits) => splits.map((value) => short(value, 4)) })],
       series: [{ label: "time [s]", value: (_, value) => short(value, 8) }, ...panel.series.map((one) => ({
         label: one.label, stroke: () => colour(one.colour), width: one.width ?? 1.25, dash: one.dash, points: { show: one.points },
         value: (_, value) => short(value, 6), spanGaps: false,
@@ -207,11 +206,7 @@ export function strips(holder, { panels, read, span, cut = null, marks = [] }) {
     plot.setScale("y", { min: low - edge, max: high + edge });
   }
 
-  const observer = new ResizeObserver(() => {
-    const width = Math.max(area.clientWidth, 200);
-    for (const { plot } of plots) if (plot.width !== width) plot.setSize({ width, height: HEIGHT });
-  });
-  observer.observe(area);
+  const observer = following(area, HEIGHT, () => plots.map(({ plot }) => plot));
   load();
   return {
     show,

@@ -1,5 +1,5 @@
 // The stage "Vehicle and fleet": the vehicles of a fleet, and of one its trend with alarms and forecast, and its loads.
-import { all, badge, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, send, sending, short, table } from "./page.js";
+import { all, drawBox, fill, gone, h, item, lasts, named, notice, one, plural, send, sending, short, table, trusted } from "./page.js";
 import { curves, trends } from "./curves.js";
 
 const PART = 100;             // vehicles that are shown at a time
@@ -8,7 +8,7 @@ let chosen = "";
 lasts("vehicle", { states, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let running = null;           // what draws and must be ended
 const box = { id: "tables-", of: "tables", title: "Drop results of track or fleet here", none: "No results here.", take,
-  accepts: "FILE.parquet of clutchid track, with FILE.load.parquet; or of the folder of clutchid fleet",
+  accepts: "FILE.parquet and FILE.load.parquet of clutchid track, or the tables of clutchid fleet",
   open: async (path) => { chosen = (await send("POST", "/api/tables", { path })).id; } };
 
 export function vehicleStage(main) {
@@ -65,18 +65,21 @@ function drawList(list, draw) {
     !one.found ? (one.status === "failed" ? "not read" : "reading") : one.found.kind === "fleet" ? plural(one.found.count, "vehicle") : "", () => open(one.id, draw))));
 }
 
-/** The mark of a vehicle: bad with an alarm or without a load. */
+/** Whether a vehicle was tracked, and none of its recordings has a load. */
+const unread = ({ recordings, trend }) => !trend && recordings.some((row) => row.outcome);
+
+/** The mark of a table: bad where it cannot be read or a vehicle has no load, suspect for a vehicle with an alarm. */
 function dot({ status, found }) {
   if (status === "failed") return "bad";
   if (found?.kind !== "vehicle") return found ? "good" : "";
-  return found.trend?.alarms.length ? "suspect" : "good";
+  return unread(found) ? "bad" : found.trend?.alarms.length ? "suspect" : "good";
 }
 
 function drawDetails(details, table, draw) {
   if (!table) {
     fill(details, h("div", { class: "empty" }, h("h2", {}, "Vehicle and fleet"), h("p", {}, "Open what clutchid track or clutchid fleet has written."), h("ul", {},
-      h("li", {}, "Of a vehicle: the trend of its load and wear, alarms, what is left, and the load of every recording."),
-      h("li", {}, "Of a fleet: all vehicles in a table that is sorted and filtered; a click on one leads to it."))));
+      h("li", {}, "A vehicle: the trend of its load and wear, its alarms, the life left, and the load of every recording."),
+      h("li", {}, "A fleet: a table of all vehicles to sort and filter. Click a vehicle to open it."))));
     return;
   }
   const fleet = table.vehicle !== null && all("table").find((other) => other.path === table.path && other.vehicle === null && other.found?.kind === "fleet");
@@ -99,16 +102,14 @@ function interval(band, shown) {
   return [value, h("span", { class: "soft" }, ` ${low} to ${high}`)];
 }
 
+const decimals = (digits, factor = 1) => (value) => (Number.isFinite(value) ? (factor * value).toFixed(digits).replace("-", "−") : value < 0 ? "−∞" : "∞");
 const signed = (digits, factor = 1) => (value) => {
-  const text = (factor * value).toFixed(digits);
-  return Number(text) === 0 ? (0).toFixed(digits) : text.startsWith("-") ? text.replace("-", "−") : `+${text}`;
+  const text = decimals(digits, factor)(value);
+  return Number(text.replace("−", "")) === 0 ? text.replace("−", "") : text.startsWith("−") ? text : `+${text}`;
 };
 const rounded = (value) => (Number.isFinite(value) ? Number(value.toPrecision(2)).toLocaleString("en") : "∞");
-const MOODS = { good: "good", "with care": "suspect", none: "bad" };
-const graded = (trust) => (trust ? badge(trust, MOODS[trust] ?? "undetermined") : "–");
 /** The alarms of a vehicle without their places, which its own page has. */
 const alarmKinds = (text) => [...new Set(text.split("; ").map((words) => words.split(/ (?:between|before) /)[0]))].join("; ");
-const trusted = (trust) => (trust ? badge(`trust ${trust}`, MOODS[trust] ?? "undetermined") : "–");
 
 /** The columns of a fleet that have values: title, what it is sorted by, and its cell, for a row. */
 function columnsOf({ vehicles, lives }) {
@@ -120,12 +121,12 @@ function columnsOf({ vehicles, lives }) {
     text("type", "type"),
     { ...text("last", "last"), cell: (i) => h("span", { class: "date" }, vehicles.last[i]?.slice(0, 10) ?? "–") },
     { name: "counted", title: "recordings", number: true, sort: (i) => vehicles.counted[i], cell: (i) => `${vehicles.counted[i]} of ${vehicles.recordings[i]}` },
-    { name: "trust", title: "trust", sort: (i) => Object.keys(MOODS).indexOf(vehicles.trust[i]), cell: (i) => graded(vehicles.trust[i]) },
+    { name: "trust", title: "trust", sort: (i) => ["good", "with care", "none"].indexOf(vehicles.trust[i]), cell: (i) => trusted(vehicles.trust[i]) },
     { ...text("alarms", "alarms"), cell: (i) => (vehicles.alarms[i] ? h("span", { class: "alarm" }, alarmKinds(vehicles.alarms[i])) : "") },
-    { ...band("left", `left${unit}`, rounded), sort: (i) => (vehicles.left[i] ? infinite(vehicles.left[i][0]) / (axes.size > 1 ? lives[vehicles.axis[i]] : 1) : null),
+    { ...band("left", `life left${unit}`, rounded), sort: (i) => (vehicles.left[i] ? infinite(vehicles.left[i][0]) / (axes.size > 1 ? lives[vehicles.axis[i]] : 1) : null),
       cell: (i) => [interval(vehicles.left[i], rounded), axes.size > 1 && vehicles.left[i] ? ` ${vehicles.axis[i]}` : ""] },
     band("wear", "wear [mm]", signed(2)), band("shift", "shift [mm]", signed(3)), band("load", "load [%]", signed(1, 100)),
-    band("peak", "greatest load [N]", (value) => value.toFixed(0)), band("half_load", "half load at [mm]", (value) => value.toFixed(2)),
+    band("peak", "greatest load [N]", decimals(0)), band("half_load", "half load at [mm]", decimals(2)),
   ].filter((column) => vehicles[column.name].some((value) => value !== null && value !== ""));
 }
 
@@ -168,16 +169,16 @@ function drawFleet(details, head, { id, found }, draw) {
     fill(holder, table(heads, these.map((i) => h("tr", { class: "row", onclick: (event) => event.target.closest("button") || getSelection().toString() || go(vehicles.vehicle[i]) },
       h("th", { scope: "row" }, h("button", { type: "button", class: "link", id: `vehicle-${i}`, onclick: () => go(vehicles.vehicle[i]) }, vehicles.vehicle[i] || "without a name")),
       columns.slice(1).map((each) => h("td", { class: each.number ? "number" : null }, each.cell(i))))), { name: "fleet stack", scroll: "Table of vehicles" }));
-    count.textContent = indices.length ? `${(state.part * PART + 1).toLocaleString("en")} to ${(state.part * PART + these.length).toLocaleString("en")} of ${indices.length.toLocaleString("en")}` : "no vehicle has this in its row";
+    count.textContent = indices.length ? `${(state.part * PART + 1).toLocaleString("en")} to ${(state.part * PART + these.length).toLocaleString("en")} of ${indices.length.toLocaleString("en")}` : "no vehicle matches";
     [earlier.hidden, later.hidden] = [parts === 1, parts === 1];
     [earlier.disabled, later.disabled] = [state.part === 0, state.part === parts - 1];
   }
   const alarmed = vehicles.alarms.filter(Boolean).length;
-  fill(details, head, h("p", { class: "facts" }, [plural(found.count, "vehicle"), found.trends ? plural(alarmed, "vehicle").concat(" with an alarm") : "without trends: those need --verb track"].join(" · ")), refused,
+  fill(details, head, h("p", { class: "facts" }, [plural(found.count, "vehicle"), found.trends ? plural(alarmed, "vehicle").concat(" with an alarm") : "no trends: clutchid fleet --verb track writes them"].join(" · ")), refused,
     found.count > vehicles.vehicle.length && notice(`Only the first ${vehicles.vehicle.length.toLocaleString("en")} vehicles are shown; the page of the fleet, index.html in its folder, has all.`, "care"),
     h("div", { class: "tools" }, h("label", { for: "filter" }, "Filter"), h("input", { type: "search", id: "filter", value: state.filter, placeholder: "name, type, trust, alarm", oninput: (event) => { state.filter = event.target.value; state.part = 0; show(); } }), count, earlier, later),
     holder,
-    h("p", { class: "hint" }, "Click a heading to sort, a vehicle for its trend and loads. Values are those at the last recording, changes since the calibration, with 95 % intervals; of what is left the interval has 90 %, and ∞ is more than five lives."));
+    h("p", { class: "hint" }, "Click a heading to sort, or a vehicle to open it. Values are those at the last recording, and changes are since the calibration. Intervals are 95 %, that of the life left 90 %; ∞ is more than five lives."));
   show();
 }
 
@@ -194,15 +195,16 @@ function drawVehicle(details, head, { id, found }) {
     states.set(id, { shown: new Set([ends[0], ends.at(-1)].filter(Boolean)), forecast: null });
   }
   const state = states.get(id);
-  const last = recordings.findLast((row) => row.trust);
-  const dates = recordings.map((row) => row.begin?.slice(0, 10)).filter(Boolean);
+  const last = recordings.slice(0, trend?.along.length).findLast((row) => row.trust);  // those without a load come last
+  const dates = recordings.map((row) => row.begin?.slice(0, 10)).filter(Boolean).sort();
   const facts = [found.type && `type ${found.type}`, trend ? `${trend.counted} of ${plural(recordings.length, "recording")} count` : plural(recordings.length, "recording"),
     trend && trend.axis !== "recordings" && `over ${Math.round(trend.along.at(-1) - trend.along[0]).toLocaleString("en")} ${trend.axis}`, dates.length && `${dates[0]} to ${dates.at(-1)}`].filter(Boolean);
   const [chart, panels] = [h("div", { class: "chart", id: "chart-loads" }), h("div", { id: "trends" })];
   const alarms = trend?.alarms ?? [];
-  fill(details, head, h("p", { class: "facts" }, facts.join(" · "), last && [" · ", trusted(last.trust), ` of ${last.recording}`]),
+  fill(details, head, h("p", { class: "facts" }, facts.join(" · "), last && [" · ", trusted(last.trust, "trust "), ` of ${last.recording}`]),
     alarms.length ? h("div", { class: "notice bad" }, h("ul", {}, alarms.map((alarm) => h("li", {}, alarm.words)))) : null,
-    trend ? now(trend, alarms) : notice("There is no trend of this vehicle: it is written by clutchid track, or clutchid fleet --verb track.", "care"), panels,
+    trend ? now(trend, alarms) : unread(found) ? notice("This vehicle has no trend, because none of its recordings gave a load. The table says why.")
+      : notice("This vehicle has no trend. clutchid track writes one, and so does clutchid fleet --verb track.", "care"), panels,
     chart, tableOfLoads());
   const drawLoads = () => {
     const these = loads.filter((load) => state.shown.has(load.recording));
@@ -218,10 +220,10 @@ function drawVehicle(details, head, { id, found }) {
     const value = (shown) => (x) => (x === null || x === undefined ? "–" : shown(x));
     const columns = [
       [(row) => row.begin, "date", (row) => h("span", { class: "date" }, row.begin?.slice(0, 10) ?? "–")], [(row) => row.strokes, "strokes", (row) => value((x) => x.toLocaleString("en"))(row.strokes), true],
-      [(row) => row.trust, "trust", (row) => graded(row.trust)], [(row) => row.outcome, "in the trend", (row) => row.outcome ?? "–"],
+      [(row) => row.trust, "trust", (row) => trusted(row.trust)], [(row) => row.outcome, "in the trend", (row) => row.outcome ?? "–"],
       [(row) => row.change, "load [%]", (row) => value(signed(1, 100))(row.change), true], [(row) => row.shift, "shift [mm]", (row) => value(signed(3, 1e3))(row.shift), true],
-      ...found.places.map((place, k) => [(row) => row.at, `at ${place} mm [N]`, (row) => interval(row.at?.[k], (x) => (Number.isFinite(x) ? x.toFixed(0) : "∞")), true]),
-      [(row) => row.half_load, "half load at [mm]", (row) => interval(row.half_load, (x) => (1e3 * x).toFixed(2)), true],
+      ...found.places.map((place, k) => [(row) => row.at, `at ${place} mm [N]`, (row) => interval(row.at?.[k], decimals(0)), true]),
+      [(row) => row.half_load, "half load at [mm]", (row) => interval(row.half_load, decimals(2, 1e3)), true],
       [(row) => row.odometer, "km", (row) => value((x) => Math.round(x).toLocaleString("en"))(row.odometer), true],
       [(row) => row.said, "reason or message", (row) => h("span", { class: "alarm" }, row.said)],
     ].filter(([of]) => some(of));
@@ -232,8 +234,8 @@ function drawVehicle(details, head, { id, found }) {
           h("td", {}, known.has(row.recording) && h("input", { type: "checkbox", checked: state.shown.has(row.recording), "aria-label": `Plot the load of ${row.recording}`,
             onchange: (event) => { state.shown[event.target.checked ? "add" : "delete"](row.recording); plot?.end(); plot = drawLoads(); } })),
           h("th", { scope: "row" }, named(row.recording)), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
-      h("p", { class: "hint" }, `Load with its 95 % interval${alarmed.size ? "; a bar at the left marks the recording of an alarm" : ""}.`,
-        found.load_count > loads.length ? ` Of ${found.load_count} loads ${loads.length} can be plotted, evenly over the life.` : loads.length ? "" : " No loads lie beside this file (FILE.load.parquet, or curves/ of a fleet), so that none is plotted."));
+      h("p", { class: "hint" }, `Loads have 95 % intervals.${alarmed.size ? " A bar at the left marks a recording with an alarm." : ""}`,
+        found.load_count > loads.length ? ` ${loads.length} of ${found.load_count} loads can be plotted, evenly over the life.` : loads.length ? "" : " No loads of this vehicle lie beside this file (FILE.load.parquet, or curves/ of a fleet), so none is plotted."));
   }
 }
 
@@ -243,18 +245,18 @@ const colourOf = (k, count) => (k === count - 1 ? 0 : k === 0 ? 5 : 1 + ((k - 1)
 function now(trend, alarms) {
   const line = (name) => {
     const [unit, shown] = SHOWN[name];
-    const [value, low, high] = trend.now[name];
-    return value === null ? null : [h("dt", {}, LABELS[name]), h("dd", {}, `${shown(value)} ${unit} `, h("span", { class: "soft" }, `${shown(low)} to ${shown(high)}`))];
+    const [value, sides] = interval(trend.now[name], shown);
+    return trend.now[name][0] === null ? null : [h("dt", {}, LABELS[name]), h("dd", {}, `${value} ${unit}`, sides)];
   };
-  return h("dl", { class: "summary wide" }, Object.keys(LABELS).filter((name) => name in trend.now).map(line), h("dt", {}, "left"), h("dd", { id: "left" }, left(trend)),
+  return h("dl", { class: "summary wide" }, Object.keys(LABELS).filter((name) => name in trend.now).map(line), h("dt", {}, "life left"), h("dd", { id: "left" }, left(trend)),
     alarms.length ? null : [h("dt", {}, "alarms"), h("dd", {}, "none")]);
 }
 
 function left({ axis, left: band, limit }) {
-  if (limit === null) return "not known without a limit: --limit, or a table of wear";
+  if (limit === null) return "unknown without a limit: give --limit, or a table of wear";
   const end = `${short(1e3 * limit.value, 3)} mm of ${limit.of}`;
-  if (!band) return `not known: after a sudden change of the load, or without a reading, nothing says when ${end} are reached`;
+  if (!band) return `unknown: after a sudden change of the load, or without a reading, nobody can say when ${end} is reached`;
   const [median, low, high] = band.map(infinite);
-  if (!Number.isFinite(low)) return `${end} are not in sight: the trend does not reach them`;
+  if (!Number.isFinite(low)) return `the trend does not reach ${end}`;
   return [`${rounded(median)} ${axis} to ${end} `, h("span", { class: "soft" }, `${rounded(low)} to ${rounded(high)}, 90 %`)];
 }
