@@ -51,7 +51,7 @@ def test_without_strokes_pressure_and_adaptation_the_page_says_so(blank, plant, 
     short = observe_recording(observer(plant, "states"), log.slice(0, 40).without("pressure_a"))
     html = page_of(document_of(Observation(short, Origin()), "c"))
     assert "No stroke ended in the recording." in html
-    assert "Nothing adapts: load and parameters stay as calibrated." in html
+    assert "The observer does not adapt: load and parameters keep their calibrated values." in html
     assert "started from a calibration that is not from a file" in html
 
 

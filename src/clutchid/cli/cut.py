@@ -44,7 +44,7 @@ def cut(
     put(", ".join(f"{count:,} {label}" for label, count in best.counts))
     say(best.divisions)
     if best.log is None:
-        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
+        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing was written.")
     write_log(best.log, out)
     put(best.chosen)
     print_written(out)

@@ -170,4 +170,6 @@ def _check_no_single(single: VirtualRecording, truth: Path | None) -> None:
     if extra or truth:
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
         option = option.replace("_", "-")
-        raise ParameterError(f"--{option}: belongs to a single recording; the events of a fleet are drawn by --seed.")
+        raise ParameterError(
+            f"--{option} is for a single recording; the events of a fleet are drawn at random from --seed."
+        )

@@ -166,8 +166,8 @@ def run_fit(asked: FitCommand, options: FitOptions) -> int:
     """Fit as asked, print and write the result; the exit code."""
     if not asked.logs:
         raise ParameterError(
-            f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, --bounds, "
-            "--prior, --dbc) take all that follows them: put the recordings first."
+            f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, "
+            "--bounds, --prior, --dbc) take every argument that follows them: put the recordings first."
         )
     from clutchid.documents import write_page
     from clutchid.verbs import saving
@@ -222,8 +222,9 @@ def estimate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     """
     if options.start is None:
         raise ParameterError(
-            "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv "
-            "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
-            "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
+            "no --start: an estimate of the load from position alone needs a calibration: clutchid estimate "
+            "WORN.csv --start CAL.toml. Make the calibration once, from a recording with pressure: clutchid "
+            "calibrate CAL.csv --save CAL.toml. Without a calibration, clutchid fit WORN.csv assumes the parameters "
+            "of the truck in the paper."
         )
     return run_fit(options.command("estimate", logs), options)

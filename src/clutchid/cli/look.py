@@ -54,7 +54,7 @@ def look(
         proposed = save_proposed(contents, save)
         print_written(save, to=sys.stderr if json else None)
         if not proposed.channels and not json:
-            put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+            put("No channel could be identified by its name: the saved file lists all channels; write the map by hand.")
         elif contents.needs_map and contents.proposal.open and not json:
-            put(f"{contents.proposal.remedy}, as the lines with - above say, then check the map with --map.")
+            put(f"{contents.proposal.remedy}, as the lines marked - above say, then check the map with --map.")
     return BAD_INPUT if contents.problems else DONE

@@ -76,8 +76,8 @@ class Actuator:
                 f"{', '.join(rows) or 'none'}."
             )
         problems = [
-            f"{name} = {value:g}{'' if row.unit == '1' else ' ' + row.unit}: it is {row.row.allowed}. The default is "
-            f"{row.default:g}."
+            f"{name} = {value:g}{'' if row.unit == '1' else ' ' + row.unit}: it must be {row.row.allowed}. The "
+            f"default is {row.default:g}."
             for (name, row), value in zip(rows.items(), values, strict=True)
             if not row.row.admits(value)
         ]

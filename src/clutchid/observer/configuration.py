@@ -112,7 +112,7 @@ class Observer:
 
     @property
     def usual(self) -> float:
-        """Mean NIS of the calibration recordings, NaN where it is not known."""
+        """Mean NIS of the calibration recordings, NaN where unknown."""
         return self.calibration.nis if self.calibration else float("nan")
 
     @property

@@ -48,7 +48,7 @@ def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequ
         own = getattr(asked, name)
         if own not in (getattr(usual, name), value):
             raise ParameterError(
-                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same twice."
+                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same value twice."
             )
     return (replace(asked, **stated) if stated else asked).completed(*USUAL[verb])
 

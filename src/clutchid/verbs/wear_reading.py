@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
 
 #: Why a recording that was observed gives no measurement.
-_ONLY_ITS_END = "the load of an observer at the end of a recording is no measurement of the wear; --verb track has one."
+_ONLY_ITS_END = "the load that an observer has at the end of a recording does not measure the wear; use --verb track."
 
 
 def read_recording(reading: Reading, verb: str, job: RecordingJob) -> WearReading:
@@ -76,7 +76,7 @@ def _read(reading: Reading, verb: str, path: Path, start: Path) -> WearReading:
 
 def _alone(message: str) -> str:
     """The message of a refused recording; it names the command with --force, as reading many recordings has none."""
-    alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
+    alone = " Correct the recording or its channel map, or estimate this recording alone with --force."
     return message.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY)
 
 

@@ -102,8 +102,8 @@ _KNOWN = 0.5
 _ANYTHING = 0.9
 
 #: Why an outlier does not count: where it may be the first recording of a change, and where it is not.
-_WAITS = "outlier: the trend does not expect it, and the next recordings will say whether the clutch has changed."
-_ALONE = "outlier: the trend does not expect it, and the next recordings fit the trend without it."
+_WAITS = "outlier: far from the trend; the next recordings will show whether the clutch has changed."
+_ALONE = "outlier: far from the trend, and the next recordings fit the trend without it."
 
 
 class LifeRow(NamedTuple):
@@ -209,7 +209,7 @@ class Wear:
 
     @property
     def present_rate(self) -> Interval:
-        """Rate of wear, or without a table of shift, in m per unit of `s`; NaN where it is not known.
+        """Rate of wear, or without a table of shift, in m per unit of `s`; NaN where unknown.
 
         It is not after a sudden change, nor where readings determine it little better than the prior does.
         """
