@@ -205,7 +205,7 @@ _OF_THE_VERB = ("default",)
 
 @dataclass(frozen=True, slots=True)
 class FitRequest:
-    """A request of a fit: all its options, but how its recordings are read.
+    """All options of a fit, except how its recordings are read.
 
     Attributes
     ----------

@@ -309,9 +309,7 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
             "restart": f"the clock restarts at {where}; each run becomes a separate segment, "
             f"{quantity(apart, 's')} after the previous one.",
             "lone": f"time stamps far from those around them are left out: {count:,}, at {where}.",
-            "excursion": (
-                f"the clock jumps at {where} and later returns; the part in between is moved by {amounts}."
-            ),
+            "excursion": (f"the clock jumps at {where} and later returns; the part in between is moved by {amounts}."),
         }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are corrected from there on.")
 
 

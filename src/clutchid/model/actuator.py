@@ -22,7 +22,7 @@ from clutchid.parameters import DEFAULTS, Parameters, Row
 class Actuator:
     """An actuator: model, parameters and load, and which chambers and valves there are.
 
-    Parameters of a chamber or valve that does not exist have the values that stand for that.
+    The parameters of a missing chamber or valve have the values that represent its absence.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ class Wear:
     readings
         What was measured in each recording.
     outcomes
-        What became of each measurement, one text each: 'used' and 'jump' count in the trend.
+        Outcome of each measurement; 'used' and 'jump' count in the trend.
     then
         Quantities by name, with 95 % bands, as known at each recording.
     now
@@ -151,13 +151,13 @@ class Wear:
     left : axis
         Remaining life; None without a limit, and after a change that no new clutch explains.
     warnings
-        What contradicts in the recordings and the table, one sentence each.
+        Contradictions in the recordings and the table, one sentence each.
     rests
         Moves of the vented rest, a row a recording.
     apart
-        The files without a place in this life, each with the reason: those that could not be read, and copies.
+        Files that are not part of this life, each with the reason: it could not be read, or is a copy.
     end_of_table : m
-        Wear beyond which the table says nothing, and where it is cut off; None without a table.
+        Largest wear in the table, at which the result is cut off; None without a table.
     waiting
         Numbers of the outliers that may be the first recording of a change.
 

@@ -214,17 +214,17 @@ class Verdict:
     trust
         'good', 'with care' or 'none'.
     reasons
-        What lowers the trust, one sentence each; empty if it is good.
+        Reasons that lower the trust, one sentence each; empty if it is good.
     unseen
         What this verdict cannot show, one sentence each.
     flawed
-        Whether a reason takes trust that the interval of the load does not contain.
+        Whether a reason concerns an error that the interval of the load does not contain.
     notes
-        What looks like a reason and is none, one sentence each.
+        Findings that do not lower the trust, one sentence each.
     experience
         How far off loads without a calibration were on virtual trucks, in a sentence; empty for others.
     noise_only
-        Whether the interval lacks the errors of what is assumed, as without a calibration.
+        Whether the interval lacks the errors of assumed parameters, as without a calibration.
 
     Examples
     --------
@@ -275,7 +275,7 @@ def verdict(fit: Fit) -> Verdict:
     The interval is too narrow if residuals are autocorrelated, correlate with a valve, and correspond to a
     load larger than the width of the interval. If the position follows the measurement, as in multiple shooting, this
     is tested with the pressure only. A load from position alone is judged by how far the recording departs from the
-    calibration, `clutchid.estimation.assess.reasons`: neither bounds nor simulated positions told its error.
+    calibration, `clutchid.estimation.assess.reasons`: bounds and simulated positions did not indicate its error.
 
     Examples
     --------
