@@ -42,7 +42,7 @@ def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_not
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
     assert "No fault was found." in html
-    assert html.count("the supply pressure was not recorded: a supply 5 % below") == 1
+    assert html.count("the supply pressure was not recorded: a supply pressure 5 % below") == 1
     assert html.count("data:image/") == 4
     assert loads_nothing(html)
 
