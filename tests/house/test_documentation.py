@@ -124,7 +124,7 @@ def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_fact
     ):
         assert re.findall(r"^\| `(\w+)`", printed.with_printed(f"<!-- printed {part} -->"), re.MULTILINE) == [*names]
     assert set(re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)) == set(GROUPS)
-    assert "| `--start` | Calibration (TOML) that" in printed.options("look")
+    assert "| `--start` | Calibration (TOML) with" in printed.options("look")
     assert "| `cli` | The command line: one module per command |" in printed.PRINTED["packages"]()
     assert re.findall(r"^\| (R\d+) \|", printed.PRINTED["requirements"](), re.MULTILINE) == [*REQUIREMENTS]
 

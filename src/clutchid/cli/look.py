@@ -21,7 +21,7 @@ def look(
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
-    """List what is in a recording, and check it: channels, units, ranges, holes; propose a channel map.
+    """List the contents of a recording (channels, units, ranges, gaps), check it, and propose a channel map.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def look(
     save
         Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
     start
-        Calibration (TOML) that the recording is compared with: its actuator, and where its vented rest was.
+        Calibration (TOML) with which the recording is compared: the actuator and its vented rest.
     json
         Print one JSON object on standard output.
     debug

@@ -46,8 +46,8 @@ def track(
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend, replaced clutches, remaining life.
 
-    Every recording is read from position alone, as `clutchid estimate` does. A recording that cannot be read is
-    a row with its reason.
+    Every load is estimated from position alone, as by `clutchid estimate`. A recording that cannot be read is a
+    row with the reason.
 
     Parameters
     ----------
@@ -56,20 +56,21 @@ def track(
     start
         Calibration (TOML) of its type, as written by `clutchid calibrate --save`.
     out
-        A row a recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
+        Output file with one row per recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
     table
         CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
     limit
-        Shift of the half-load position in mm that ends the life of the clutch, below 0 if it falls; by default the
-        last row of the table of wear ends it. Without either, what is left is not known.
+        Shift of the half-load position in mm that ends the life of the clutch, negative if the position falls; by
+        default from the last row of the wear table. Without either, the remaining life is unknown.
     wear_table
-        CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
+        CSV with wear [mm], half_load [mm] and load [N] of this type, for example from a test rig; it gives the wear of
+        the facing.
     report
         Write a self-contained HTML page.
     workers
         Number of processes; does not affect the results.
     zero
-        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+        Subtract the shift of the vented rest since the calibration from the position, or keep the recorded position.
     json
         Print one JSON object on standard output.
     debug
