@@ -231,7 +231,7 @@ def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_pa
     assert fit_json(states)["changes"]
     data = application_data(states, document_of(states))
     assert data["changes"] == []
-    assert sum("that is no change" in row["text"] for row in data["summary"]) == 1
+    assert sum("the actuator itself has not changed" in row["text"] for row in data["summary"]) == 1
 
 
 def test_residuals_are_those_of_the_fit_seen_through_its_sensors(fitted):

@@ -33,7 +33,7 @@ def test_the_time_axis_is_measured(recording, save):
     assert (time.rate, time.longest, time.shortest) == pytest.approx((1000, 0.493, 0.001))
     (hole,) = time.holes
     assert (hole.place, hole.start, hole.length) == (9, 0.007, pytest.approx(0.493))
-    assert "Holes: 0.493 s after line 9" in str(seen)
+    assert "Gaps: 0.493 s after line 9" in str(seen)
 
 
 @pytest.mark.parametrize("small", [0, 1e9])

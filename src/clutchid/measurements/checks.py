@@ -189,4 +189,4 @@ def _hole_warning(column: _Column) -> list[str]:
         for i in after[:SHOWN].tolist()
     ]
     usual = quantity(usual_interval(time), "s")
-    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]
+    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each gap ends a segment."]
