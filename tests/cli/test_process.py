@@ -117,7 +117,9 @@ def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monke
     (tmp_path / "C.toml").write_text("[parameters]\n")
     assert called(*command.replace("@", address).split()) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "is a URL, and clutchid opens only files and folders of this machine: copy what is there" in said
+    assert (
+        "is a network address, and clutchid opens only files and folders of this machine: copy or mount the data"
+    ) in said
     assert {path.name for path in tmp_path.iterdir()} == {"r.csv", "C.toml"}
 
 

@@ -32,7 +32,7 @@ def test_the_calibration_of_another_truck_is_said_to_be_one(reading):
     assert judged.reasons[0].startswith(
         "the calibration CAL.toml seems to be of another truck: no usual change explains "
     )
-    assert "F_C (2" in judged.reasons[0]
+    assert "Coulomb friction, F_C (" in judged.reasons[0]
 
 
 @pytest.mark.slow

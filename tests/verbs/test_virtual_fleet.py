@@ -96,4 +96,4 @@ def test_the_command_drives_a_fleet(tmp_path, capsys):
         assert called("drive", *options, "--out", tmp_path / "fleet") == 0
     assert len(rows(tmp_path / "fleet" / "truth.csv")) in (2, 3)
     assert called("drive", *options, "--out", tmp_path / "other", "--wear", "1") == 2
-    assert "--wear: belongs to a single recording" in capsys.readouterr().err
+    assert "--wear is for a single recording" in capsys.readouterr().err

@@ -162,8 +162,8 @@ def not_an_address(path: str | PathLike[str], option: str = "") -> None:
         raise DataError(
             f"{option} {file}".strip()
             + (
-                ": is a URL, and clutchid opens only files and folders of this machine: copy or mount the data, and "
-                "give a local path."
+                ": is a network address, and clutchid opens only files and folders of this machine: copy or mount "
+                "the data, and give a local path."
             )
         )
 
