@@ -415,7 +415,7 @@ def _checked(
     wrong += _left_behind(place, pid, kind)
     if kind.unprivileged:
         (place / "out").chmod(0o700)
-    places = {Path(a): Path(b) for a, b in re.findall(r"(\S+): cannot be written any more; it is in (\S+) instead",
+    places = {Path(a): Path(b) for a, b in re.findall(r"(\S+): can no longer be written; it is in (\S+) instead",
                                                       session.errors)}  # fmt: skip
     read = session.read - 1 - (kind.spoiled is not None)
     file = Path("out") / kind.file

@@ -6,18 +6,24 @@ options of a command on its page, so that no page keeps a copy of what the code 
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
-from collections.abc import Callable, Iterable
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from make_equations import own_equations, splines
 
 from clutchid.cli import app
+from clutchid.exports.requirements import requirement_table
 from clutchid.inference.uncertainty.change_prior import directions
 from clutchid.log.states import STATES
+from clutchid.observer.flags import FLAGS, LIVE_FLAGS
 from clutchid.parameters import GROUPS, Parameters, Row
 
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "src" / "clutchid"
 EXAMPLES = Path(__file__).parent / "examples"
 
 #: A printed part in a page.
@@ -72,6 +78,11 @@ def states() -> str:
     )
 
 
+def flags(meanings: Mapping[str, str]) -> str:
+    """The meaning of every flag of an observer."""
+    return table("flag | meaning", ((f"`{name}`", meaning) for name, meaning in meanings.items()))
+
+
 def options(command: str) -> str:
     """The options of a command, as its ``--help`` has them."""
     arguments = app()[command].assemble_argument_collection(parse_docstring=True)
@@ -79,12 +90,30 @@ def options(command: str) -> str:
     return table("option | meaning", ((names, " ".join(text.split()).replace("|", "\\|")) for names, text in rows))
 
 
+def packages() -> str:
+    """A row for each package, top to bottom, with the first sentence of its docstring."""
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"][0]
+    layers = [[name.removeprefix("clutchid.") for name in layer.split(" | ")] for layer in contract["layers"]]
+    return table(
+        "package | holds",
+        (
+            (f"`{name}`" + (f", beside `{layer[0]}`" if name != layer[0] else ""), _sentence(PACKAGE / name))
+            for layer in layers
+            for name in layer
+        ),
+    )
+
+
 #: What can be printed, by name.
 PRINTED: dict[str, Callable[[], str]] = {
+    "packages": packages,
     "parameters": parameters,
     "priors": priors,
     "changes": changes,
     "states": states,
+    "flags": lambda: flags(FLAGS),
+    "live-flags": lambda: flags(LIVE_FLAGS),
+    "requirements": lambda: requirement_table("NAME"),
     "splines": splines,
     "maxwell-slip": lambda: f"```python\n{(EXAMPLES / 'maxwell_slip.py').read_text('utf-8')}```",
     "stribeck": lambda: own_equations("isothermal-stribeck"),
@@ -95,6 +124,13 @@ PRINTED: dict[str, Callable[[], str]] = {
 def with_printed(text: str) -> str:
     """The text of a page with its printed parts."""
     return MARK.sub(lambda mark: PRINTED[mark[1]](), text)
+
+
+def _sentence(package: Path) -> str:
+    """The first sentence of the docstring of a package or module."""
+    file = package / "__init__.py" if package.is_dir() else package.with_suffix(".py")
+    first = " ".join((ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").partition("\n\n")[0].split())
+    return re.sub(r"`+([\w/]+)`+", r"`\1`", first.partition(". ")[0].removesuffix("."))
 
 
 def _names(names: Iterable[str]) -> str:

@@ -17,7 +17,7 @@ def test_a_negative_conductance_is_refused_in_the_words_of_the_design():
     with pytest.raises(ParameterError) as caught:
         Parameters(C_vs=-1.9e-8)
     assert str(caught.value) == (
-        "C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0 and at most 1e-05. Appendix A has 1.9e-08."
+        "C_vs = -1.9e-08 m³/(Pa·s): a conductance must be at least 0 and at most 1e-05. Appendix A has 1.9e-08."
     )
 
 
@@ -37,7 +37,7 @@ def test_what_no_actuator_has_is_refused_and_the_range_is_named(name, wrong, all
     with pytest.raises(ParameterError) as caught:
         Parameters(**{name: wrong})
     unit = Parameters.row(name).unit
-    assert str(caught.value) == f"{name} = {wrong:g} {unit}: it is {allowed}"
+    assert str(caught.value) == f"{name} = {wrong:g} {unit}: it must be {allowed}"
 
 
 #: Symbol, and the smallest and the largest value of real actuators: the miniature cylinders and the heaviest clutch

@@ -21,7 +21,7 @@ class ClutchidError(Exception):
     ...     clutchid.Parameters(C_vs=-1.9e-8)
     ... except ClutchidError as error:
     ...     print(error)
-    C_vs = -1.9e-08 m³/(Pa·s): a conductance is at least 0 and at most 1e-05. Appendix A has 1.9e-08.
+    C_vs = -1.9e-08 m³/(Pa·s): a conductance must be at least 0 and at most 1e-05. Appendix A has 1.9e-08.
     """
 
     @classmethod
@@ -43,7 +43,7 @@ class ParameterError(ClutchidError, ValueError):
     ...     clutchid.Parameters(M=1e-6)
     ... except ValueError as error:  # a ParameterError is a ValueError
     ...     print(error)
-    M = 1e-06 kg: it is at least 1e-05 and at most 100000. Appendix A has 10.
+    M = 1e-06 kg: it must be at least 1e-05 and at most 100000. Appendix A has 10.
     """
 
 

@@ -154,7 +154,7 @@ class Row:
         """The admissible range in words."""
         lower = f"{'at least' if self.low_included else 'above'} {self.low:g}" if math.isfinite(self.low) else ""
         upper = f"at most {self.high:g}" if math.isfinite(self.high) else ""
-        return " and ".join(part for part in (lower, upper) if part) or "any finite number"
+        return " and ".join(part for part in (lower, upper) if part) or "a finite number"
 
     @property
     def in_shares(self) -> bool:
@@ -565,7 +565,9 @@ def _shown(name: str, value: float, row: Row) -> str:
 def _advice(name: str, row: Row) -> str:
     noun = "a conductance" if name.startswith("C_") else "it"
     origin = _APPENDIX if row.source == _APPENDIX else "The default"
-    return f"{noun} is {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {getattr(DEFAULTS, name):g}."
+    return (
+        f"{noun} must be {row.allowed}. {origin} {'has' if origin == _APPENDIX else 'is'} {getattr(DEFAULTS, name):g}."
+    )
 
 
 _values = attrgetter(*Parameters.names())

@@ -118,7 +118,7 @@ def test_a_map_that_was_written_to_a_file_is_given_to_another_recording(opened):
     body = opened.ask("GET", "/api/recordings/recording-1/map.toml").body.decode()
     assert "rate = 1000.0" in body
     assert 'channel = "Weg"' in body
-    assert "is no TOML file" in opened.ask("PUT", "/api/recordings/recording-1/map", {"toml": "[position"}).message
+    assert "is not a TOML file" in opened.ask("PUT", "/api/recordings/recording-1/map", {"toml": "[position"}).message
 
 
 def test_a_map_that_fits_is_kept_and_can_be_downloaded(opened):

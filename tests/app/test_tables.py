@@ -65,7 +65,7 @@ def test_a_replaced_clutch_is_an_alarm_at_its_recording(run):
     words = shown(run / "vehicles.parquet", REPLACED)
     (alarm,) = words["trend"]["alarms"]
     assert (alarm["index"], alarm["kind"]) == (14, "replaced")
-    assert alarm["words"] == "The clutch, or its sensor, was replaced between V 10 13 and V 10 14 on 2025-04-15."
+    assert alarm["words"] == "The clutch or its sensor was replaced between V 10 13 and V 10 14 on 2025-04-15."
     assert words["type"] == "A"
     assert words["recordings"][14]["outcome"] == "jump"
     assert [load["recording"] for load in words["loads"]] == [f"V 10 {k:02d}" for k in range(20)]

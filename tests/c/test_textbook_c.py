@@ -90,7 +90,7 @@ def test_an_unknown_number_type_and_an_impossible_name_are_refused():
     (x,) = _symbols("x")
     with pytest.raises(ValueError, match="known are double, float"):
         c99_source(System("decay", (x,), (), (), (), (-x,)), real="half")
-    with pytest.raises(ValueError, match="no C identifier"):
+    with pytest.raises(ValueError, match="not a C identifier"):
         c99_source(System("predator-prey", (x,), (), (), (), (-x,)))
 
 

@@ -18,7 +18,7 @@ asammdf = pytest.importorskip("asammdf", reason="reading MDF is an extra")
 #: Ambient pressure in Pa, as that of gauge pressures by default.
 AMBIENT = 1.013e5
 
-AS_SAID = "as the lines with - above say, then check the map with --map.\n"
+AS_SAID = "as the lines marked - above say, then check the map with --map.\n"
 
 
 def in_german(log: Log, path: Path, zero: float = 0.0) -> Path:
@@ -78,7 +78,7 @@ def test_a_map_reads_a_file_that_lacks_its_pressure_unless_that_is_measured(tmp_
     assert called("look", in_german(log, tmp_path / "cal.mf4"), "--save", chosen) == 0
     log_of_map = read(second, channels=chosen)
     assert "pressure_a" not in log_of_map
-    assert "pressure_a: this file has no channel 'Druck_Zylinder', and is read without it." in log_of_map.warnings
+    assert "pressure_a: this file has no channel 'Druck_Zylinder' and is read without it." in log_of_map.warnings
     assert called("fit", second, "--map", chosen, "--measure", "position,pressure_a") == 2
     assert "pressure_a: there is no channel 'Druck_Zylinder'" in capsys.readouterr().err
     assert called("look", second, "--map", chosen) == 0

@@ -146,7 +146,7 @@ def test_a_start_that_was_estimated_is_said_saved_and_used(tmp_path, log, capsys
     write(part.with_columns(**late), tmp_path / "moving.csv")
     fit = answered(capsys, "fit", tmp_path / "moving.csv", "--save", tmp_path / "FIT.toml")
     (note,) = [note for note in fit["notes"] if "its start was estimated" in note]
-    assert note.startswith("moving: does not start vented and at rest, so that its start was estimated: position ")
+    assert note.startswith("moving: does not start vented and at rest, so its start was estimated: position ")
     starts = tomllib.loads((tmp_path / "FIT.toml").read_text())["recording"]["moving"]
     assert f"position {1e3 * starts['position_start'][0]:.3g} mm" in note
     assert f"pressure {1e-5 * starts['pressure_a_start'][0]:.4g} bar" in note
@@ -173,7 +173,9 @@ def test_a_stroke_that_is_divided_at_a_long_hold_is_said_in_python_and_on_the_co
     inputs = {name: np.zeros(time.size) for name in INPUTS}
     write(Log(time, {"position": position, **inputs}), tmp_path / "held.parquet")
     assert called("cut", tmp_path / "held.parquet", "--out", tmp_path / "best.csv") == 0
-    sentence = "a stroke ends where it is held for 10 s or longer, and what is left of it is one of its own: once at "
+    sentence = (
+        "a stroke ends where it is held for 10 s or longer, and the rest of it counts as another stroke: once at "
+    )
     assert f"warning: {sentence}" in capsys.readouterr().err
     (warning,) = clutchid.cut(tmp_path / "held.parquet").warnings
     assert warning.startswith(sentence)

@@ -80,4 +80,4 @@ def test_the_help_of_a_fit_fits_a_screen_and_names_all_options(command, capsys):
     assert max(map(len, lines)) <= 80
     words = {word.strip(",.") for line in lines for word in line.split()}
     assert {name for a in options(command) for name in a.names} <= words
-    assert f"More options, by `clutchid {command} --help all`: " in " ".join(lines)
+    assert f"More options, listed by `clutchid {command} --help all`: " in " ".join(lines)

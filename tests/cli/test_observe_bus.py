@@ -166,11 +166,11 @@ def test_a_bus_or_a_dbc_that_is_not_there_is_one_sentence(folder, tmp_path, monk
 def test_without_a_dbc_or_with_another_one_there_is_one_sentence(call, folder, tmp_path, messages, capsys):
     before = set(threading.enumerate())  # other tests of this process may have left some
     assert called("observe", "can:virtual:truck", "--start", folder / "cal.toml", "--out", "est.parquet") == 2
-    assert "give the DBC of it with --dbc FILE" in " ".join(capsys.readouterr().err.split())
+    assert "give its DBC with --dbc FILE" in " ".join(capsys.readouterr().err.split())
     other = [message(frame.timestamp, 0x555, bytes(8)) for frame in messages]
     code, _, errors = call(other)
     assert code == 2
-    assert "truck: no frame came that the DBC knows" in errors
+    assert "truck: no frame that the DBC defines has arrived" in errors
     assert list(tmp_path.iterdir()) == []
     assert not set(threading.enumerate()) - before
     assert "can" in sys.modules

@@ -135,7 +135,7 @@ def test_a_folder_that_is_removed_costs_no_result(call, folder, tmp_path, as_jso
     options = ["--save", "out/state.toml", *(["--json"] if as_json else [])]
     code, said, errors = call(text, *options, out="out/est.parquet", end=remove)
     assert code == 1
-    places = dict(re.findall(r"warning: (\S+): cannot be written any more; it is in (\S+) instead", errors))
+    places = dict(re.findall(r"warning: (\S+): can no longer be written; it is in (\S+) instead", errors))
     assert set(places) == {"out/est.parquet", "out/est.load.parquet", "out/state.toml"}, (errors, said)
     for name, place in places.items():
         file = folder / "file" / name.removeprefix("out/")
@@ -158,7 +158,7 @@ def test_a_full_disk_costs_what_comes_later_and_the_right_file_is_named(call, fo
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert code == 1
     assert said.startswith("observed stdin: ")
-    words = "est.parquet: cannot be written any further (File too large). What came before is kept"
+    words = "est.parquet: can no longer be written (File too large). What came before is kept"
     assert words in errors
     live, file = pl.read_parquet(tmp_path / "est.parquet"), pl.read_parquet(folder / "file" / "est.parquet")
     assert 500 < live.height < 6000
@@ -257,7 +257,7 @@ def test_a_counter_that_wraps_gives_the_numbers_of_one_that_does_not(call, lines
     assert call(with_times(lines, lambda i: i + 62536), out="plain.parquet")[0] == 0
     code, _, errors = call(with_times(lines, lambda i: (i + 62536) % 65536))
     assert code == 0
-    assert "its counter of 16 bits wraps at sample 3001 (0 s after 65.535 s); 65.536 s are made good" in errors
+    assert "its counter of 16 bits wraps at sample 3001 (0 s after 65.535 s); 65.536 s are corrected" in errors
     plain, wrapped = (pl.read_parquet(tmp_path / f"{name}.parquet") for name in ("plain", "est"))
     for name in ("time [s]", "position [m]", "pressure_a [Pa]"):  # the period is added to stamps that were rounded
         assert wrapped[name].to_list() == pytest.approx(plain[name].to_list(), rel=1e-9)

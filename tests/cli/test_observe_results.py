@@ -78,7 +78,7 @@ def hung_up():
 @pytest.mark.parametrize(
     ("lost", "words"),
     [
-        (closed, "warning: standard output was closed: nothing is published any more"),
+        (closed, "warning: standard output was closed: nothing more is published"),
         (full, "warning: standard output was lost ("),
         (hung_up, "warning: standard output was lost ("),
     ],

@@ -75,15 +75,15 @@ def test_an_interrupt_before_the_command_begins_is_one_sentence(options, monkeyp
     ("command", "interrupted", "sentence"),
     [
         (["fleet", "F", "--start", "C", "--out", "R"], "clutchid.fleets.verbs.fleet",
-         "stopped: what has been read is kept in R; the same command goes on from there."),
+         "stopped: the results so far are kept in R; run the same command again to continue."),
         (["drive", "--fleet", "3", "--out", "R"], "clutchid.verbs.virtual_fleet.write_fleet",
-         "stopped: R has a part of the fleet, without its tables; remove it, and give the same command again."),
+         "stopped: R has only a part of the fleet, and no tables; delete it and run the same command again."),
         (["drive", "--out", "r.csv"], "clutchid.truck.drive",
-         "stopped: no file is left half-written; the same command starts from the beginning."),
+         "stopped: no incomplete file was left behind; run the same command again to start from the beginning."),
         (["track", "r.csv", "--start", "C.toml", "--out", "w.parquet"], "clutchid.verbs.tracking.track",
-         "stopped: no file is left half-written; the same command starts from the beginning."),
+         "stopped: no incomplete file was left behind; run the same command again to start from the beginning."),
         (["look", "r.csv"], "clutchid.verbs.looking.looked",
-         "stopped: no file is left half-written; the same command starts from the beginning."),
+         "stopped: no incomplete file was left behind; run the same command again to start from the beginning."),
     ],
 )  # fmt: skip
 def test_an_interrupted_command_says_what_is_kept(command, interrupted, sentence, options, monkeypatch, capsys):
@@ -117,7 +117,9 @@ def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monke
     (tmp_path / "C.toml").write_text("[parameters]\n")
     assert called(*command.replace("@", address).split()) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "is an address, and clutchid opens files and folders of this machine only: copy what is there" in said
+    assert (
+        "is a network address, and clutchid opens only files and folders of this machine: copy or mount the data"
+    ) in said
     assert {path.name for path in tmp_path.iterdir()} == {"r.csv", "C.toml"}
 
 
@@ -185,7 +187,7 @@ def test_one_signal_ends_a_command_that_waits_for_a_reader_that_has_stalled(tmp_
         look.send_signal(number)
         _, said = look.communicate(timeout=20)
         assert look.returncode == 130, number
-        assert "clutchid: stopped: no file is left half-written;" in said
+        assert "clutchid: stopped: no incomplete file was left behind;" in said
     os.close(reader)
     os.close(writer)
 

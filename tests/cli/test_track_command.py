@@ -64,8 +64,8 @@ def told(folder):
 def test_the_life_of_a_clutch_is_tracked(folder, told):
     shown, said = told
     assert "track: 8 of 8 recordings, " in said
-    assert "6 of 6 count, over 1,000,000 strokes; 3 other files are no recording or a copy of one" in shown
-    assert "the clutch, or its sensor, was replaced between r3 and r4 on 2026-05-01" in shown
+    assert "6 of 6 count, over 1,000,000 strokes; 3 other files, not a recording or a copy of one" in shown
+    assert "the clutch or its sensor was replaced between r3 and r4 on 2026-05-01" in shown
     rows = pl.read_parquet(folder / "wear.parquet")
     assert rows["recording"].to_list() == ["r0", "r1", "r2", "r3", "r4", "r5", "r1_again", "r3_gone", "r9"]
     assert rows["outcome"].to_list() == [*["used"] * 4, "jump", "used", *["missing"] * 3]

@@ -94,7 +94,7 @@ def test_both_loads_and_the_change_are_in_the_figure(fitted):
 def test_a_load_that_cannot_be_compared_has_a_sentence(fitted):
     older = with_baseline(fitted, theta=(), theta_covariance=np.zeros((0, 0)))
     html = html_of(older)
-    assert "there are no loads to compare" in html
+    assert "there is nothing to compare" in html
     assert "<img " not in html
 
 

@@ -87,7 +87,7 @@ def test_what_is_missing_comes_with_the_page_of_its_manoeuvre(fitted):
     blocks = information_blocks(low, evidence(low))
     assert isinstance(blocks[0], Bullets)
     assert any("reach" in item for item in blocks[0].items)
-    page, heading = re.fullmatch(r'What to drive for it: (\S+), "(.+)"\.', blocks[1].text).groups()
+    page, heading = re.fullmatch(r'What to drive: (\S+), "(.+)"\.', blocks[1].text).groups()
     assert f"\n## {heading}\n" in (ROOT / page).read_text(encoding="utf-8")
 
 

@@ -219,7 +219,7 @@ def test_the_page_has_the_next_step_and_what_is_assumed(blank, fitted):
     asked = FitCommand(verb="estimate", logs=(Path("worn.csv"),), start=Path("CAL.toml"), report=Path("worn.html"))
     html = flat(page_of(document_with_next_step(reading(fitted), asked)))
     assert f"next keep the result: clutchid {' '.join(asked.words)} --save worn.toml" in html
-    assert "supply pressure not recorded: as calibrated, 8.90 ± 0.50 bar" in html
+    assert "supply pressure not recorded: the calibrated value is assumed, 8.90 ± 0.50 bar" in html
 
 
 def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_page_have_none(fitted):
@@ -231,7 +231,7 @@ def test_the_application_has_what_is_assumed_and_no_change_where_terminal_and_pa
     assert fit_json(states)["changes"]
     data = application_data(states, document_of(states))
     assert data["changes"] == []
-    assert sum("that is no change" in row["text"] for row in data["summary"]) == 1
+    assert sum("the actuator itself has not changed" in row["text"] for row in data["summary"]) == 1
 
 
 def test_residuals_are_those_of_the_fit_seen_through_its_sensors(fitted):

@@ -67,13 +67,13 @@ def test_what_is_assumed_of_the_conditions_is_said_with_its_range_and_what_it_is
     fit = replace(with_baseline(fitted), assumed=assumed, load_per_supply=0.73)
     supply, air = rows_of(fit, "assumed")
     assert supply == (
-        "supply pressure not recorded: as calibrated, 8.90 ± 0.54 bar; outside that range the band is wrong, "
-        "which the position alone cannot show; a supply 1 % higher changes this load by 0.7 %. Record "
-        "pressure_supply here and in the calibration: the band is then half as wide"
+        "supply pressure not recorded: the calibrated value is assumed, 8.90 ± 0.54 bar; outside this range the "
+        "band is wrong, and the position alone cannot show that; a 1 % higher supply pressure changes this load by "
+        "0.7 %. Record pressure_supply here and in the calibration to halve the band"
     )
     assert fit_json(fit)["load_per_supply"] == 0.73
     assert rows_of(replace(fit, load_per_supply=None), "assumed")[0] == supply.partition(";")[0]
-    assert air == "air temperature not recorded in the calibration: as calibrated, 20 ± 14 °C"
+    assert air == "air temperature not recorded in the calibration: the calibrated value is assumed, 20 ± 14 °C"
     assert {supply, air} <= set(fit_json(fit)["notes"])
     assert supply in text_of(rows_on(fit, On.FULL), 1000)
     page = page_of(document_of(fit, "clutchid fit"))
@@ -117,7 +117,7 @@ def test_what_changed_since_the_calibration_is_its_load_shift_and_other_changes(
     assert since.startswith("CAL.toml (2026-11-22, trust good): half-load position +0.00 mm")
     assert since.endswith("no other change found")
     (since,) = rows_of(replace(calibration, changes=(change(), change("C_ve"))), "since")
-    assert f"{VALVES} changed in first (90 %: C_vs 1.9e-08 -> 2.1e-08 m³/(Pa·s), C_ve" in since
+    assert f"{VALVES} changed in first (90 %: C_vs from 1.9·10⁻⁸ to 2.1·10⁻⁸ m³/(Pa·s), C_ve" in since
     assert "no other" not in since
 
 
@@ -141,7 +141,7 @@ def test_a_calibration_of_an_older_file_says_that_its_load_is_not_there(fitted):
     older = with_baseline(fitted, theta=(), theta_covariance=np.zeros((0, 0)))
     assert len(rows_of(older, "load")[1].splitlines()) == 2
     (since,) = rows_of(older, "since")
-    assert "its load is not in the file" in since
+    assert "the file has no load" in since
 
 
 def test_without_a_calibration_the_truck_of_the_paper_is_said_to_be_assumed(fitted):

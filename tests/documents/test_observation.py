@@ -42,7 +42,7 @@ def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_not
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
     assert "No fault was found." in html
-    assert html.count("the supply pressure was not recorded: a supply 5 % below") == 1
+    assert html.count("the supply pressure was not recorded: a supply pressure 5 % below") == 1
     assert html.count("data:image/") == 4
     assert loads_nothing(html)
 
@@ -51,7 +51,7 @@ def test_without_strokes_pressure_and_adaptation_the_page_says_so(blank, plant, 
     short = observe_recording(observer(plant, "states"), log.slice(0, 40).without("pressure_a"))
     html = page_of(document_of(Observation(short, Origin()), "c"))
     assert "No stroke ended in the recording." in html
-    assert "Nothing adapts: load and parameters stay as calibrated." in html
+    assert "The observer does not adapt: load and parameters keep their calibrated values." in html
     assert "started from a calibration that is not from a file" in html
 
 

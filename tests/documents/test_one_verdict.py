@@ -101,7 +101,7 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
     fit = two_states(fitted)
     places = shown(fit)
     assert not any("valves changed" in text for text in places.values())
-    assert "the difference went into valves: that is no change of the actuator" in places["page"]
+    assert "the fit attributed the difference to valves: the actuator itself has not changed" in places["page"]
     states_of_wear = fit_json(fit)["states_of_wear"]
     assert states_of_wear["groups"] == [["new"], ["worn"]]
     assert states_of_wear["recordings"] == ["new", "worn"]
@@ -116,10 +116,12 @@ def test_two_states_of_wear_are_no_change_of_the_valves_and_lead_to_track(fitted
 @pytest.mark.slow
 def test_every_place_says_that_an_interval_without_a_calibration_is_noise_only(fitted, shown):
     said = verdict(fitted).experience
-    assert said.startswith("± is noise only: on virtual trucks the median error of such a load was 18 % of its peak")
+    assert said.startswith(
+        "± includes only noise: on virtual trucks the median error of such a load was 18 % of its peak"
+    )
     places = shown(fitted)
     assert [where for where, text in places.items() if said not in text] == []
-    assert "± is noise only" in verdict(fitted).meaning
+    assert "± includes only noise" in verdict(fitted).meaning
     assert fit_json(fitted)["verdict"]["noise_only"]
     reading = with_baseline(fitted)
     assert not fit_json(reading)["verdict"]["noise_only"]
@@ -138,7 +140,7 @@ def test_every_place_says_that_an_interval_without_a_calibration_is_noise_only(f
 def test_a_fit_without_a_calibration_that_virtual_trucks_did_not_make_has_no_figures_of_theirs(fitted, change, what):
     judged = verdict(replace(fitted, **change(fitted)))
     assert judged.noise_only, what
-    assert judged.experience == "± is noise only: the error of what is assumed is not in it."
+    assert judged.experience == "± includes only noise, not errors of the assumed parameters."
 
 
 def test_a_calibration_and_a_load_that_is_not_fitted_have_no_such_words(fitted):

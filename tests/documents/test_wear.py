@@ -32,7 +32,7 @@ def test_a_page_of_its_own_leads_nowhere(loads_nothing):
 
 def test_page_and_object_say_how_often_an_alarm_is_false():
     steady = life_of([0.0, 1e-5])
-    assert "set to one false alarm in 1,000 recordings" in page_of(document_of(WornClutch(steady), "c"))
+    assert "gives one false alarm in about 1,000 recordings" in page_of(document_of(WornClutch(steady), "c"))
     assert wear_json(steady)["wear"]["false_alarms"] == 1e-3
 
 
@@ -43,7 +43,7 @@ def test_only_a_life_with_an_alarm_says_what_its_red_line_means_and_notices_begi
     )
     assert "Red and dashed" not in calm
     assert "Red and dashed" in replaced
-    assert "the clutch, or its sensor, was replaced between r11 and r12" in replaced
+    assert "the clutch or its sensor was replaced between r11 and r12" in replaced
     assert "No recording has a time" in calm
 
 
@@ -54,7 +54,7 @@ def test_a_recording_has_a_message_only_where_something_was_wrong_with_it():
 
 def test_what_is_left_names_the_options_that_are_missing_for_it():
     last = wear_lines(life([reading(0.0)] * 2))[-1]
-    assert last == "left        not known without a limit: --limit, or a table of wear"
+    assert last == "left        unknown without a limit; give --limit or a table of wear"
 
 
 def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
@@ -65,7 +65,7 @@ def test_a_name_that_is_not_utf_8_is_written_with_question_marks(tmp_path):
 def test_a_recording_that_does_not_count_has_its_reason_on_the_page_and_in_the_object():
     life = life_of([0.0, 1e-5, 5e-4, 2e-5, np.nan, 3e-5, 4e-4])
     assert life.outcomes == ("used", "used", "left out", "used", "used", "left out")
-    left_out, last = "the next recordings fit the trend without it", "the next recordings will say"
+    left_out, last = "the next recordings fit the trend without it", "the next recordings will show"
     expected = ("", "", left_out, "", "", last, "not determined")
     values = recordings_table(life).column("message")
     assert list(values) == [log["reason"] for log in wear_json(life)["logs"].values()]

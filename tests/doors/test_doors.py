@@ -135,7 +135,7 @@ def by_fleet(verb: str, path: Path, start: Path) -> Answer:
 
 def _in_a_fleet(answer: Answer) -> Answer:
     """The answer as a fleet gives it, where nobody can go on with one recording of many."""
-    alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
+    alone = " Correct the recording or its channel map, or estimate this recording alone with --force."
     return answer._replace(sentence=answer.sentence.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY))
 
 
@@ -178,7 +178,7 @@ def test_a_log_that_has_been_read_is_checked_as_its_file_is(folder):
     assert by_python("estimate", log, folder / "cal.toml").agrees(answer)
     short = by_python("estimate", log.slice(0, 1), folder / "cal.toml")
     assert "the position has 1 samples in 0 s, less than a stroke, so nothing can be fitted" in short.sentence
-    with pytest.raises(clutchid.ParameterError, match=r"ambient = 100000\.0: says how a file is read"):
+    with pytest.raises(clutchid.ParameterError, match=r"ambient = 100000\.0: is an option for reading files"):
         clutchid.estimate(log, folder / "cal.toml", ambient=1e5)
 
 

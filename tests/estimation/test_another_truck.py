@@ -29,8 +29,10 @@ def reading(worn, recorded_by, calibrated):
 def test_the_calibration_of_another_truck_is_said_to_be_one(reading):
     judged = verdict(reading)
     assert judged.trust == "none"
-    assert judged.reasons[0].startswith("the calibration CAL.toml seems to be of another truck: no change explains ")
-    assert "F_C from 2" in judged.reasons[0]
+    assert judged.reasons[0].startswith(
+        "the calibration CAL.toml seems to be of another truck: no usual change explains "
+    )
+    assert "Coulomb friction, F_C (" in judged.reasons[0]
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ def stopped(recording, tmp_path_factory):
 
 def test_the_end_of_a_search_has_one_wording_in_python_files_and_messages(stopped):
     fit, path = stopped
-    words = f"stopped after {fit.evaluations} evaluations, not converged: its budget is used up"
+    words = f"stopped after {fit.evaluations} evaluations, not converged: the allowed number of evaluations is used up"
     assert (fit.converged, fit.search.status, fit.message) == (False, "limit", words)
     assert f"the search {words}." in fit.warnings
     assert tomllib.loads(path.read_text())["fit"]["search"]["status"] == "limit"

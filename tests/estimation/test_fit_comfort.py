@@ -145,7 +145,10 @@ def test_the_model_vents_to_the_pressure_that_gauge_pressures_count_from(gauge, 
     log, P_0 = clutchid.read(gauge, ambient=ambient), ambient or 1.013e5
     result = clutchid.fit(log, measure=("position", "pressure_a"), free="theta_1")
     assert result.actuator.parameters.P_0 == P_0
-    said = f"P_0 is {P_0 * 1e-5:.4g} bar, which gauge pressures count from, not Appendix A's 1.095 bar."
+    said = (
+        f"the ambient pressure, P_0, is {P_0 * 1e-5:.4g} bar, the reference of the gauge pressures, instead of "
+        "Appendix A's 1.095 bar."
+    )
     assert said in result.notes
     pressure = result.recordings["gauge"].simulated["pressure_a"]
     assert pressure[0] == pytest.approx(log["pressure_a"][0], abs=1.0)

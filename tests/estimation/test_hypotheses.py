@@ -239,7 +239,9 @@ def test_all_searches_of_a_reading_together_end_at_their_limit_and_the_best_is_s
     request = FitRequest(("position",), ("load",), calibration=calibration)
     reading = fit_with(SHOOTING, [logs["cold"]], actuator, request, reported.append)
     assert not reading.converged
-    assert reading.message == f"stopped after {reading.evaluations} evaluations, not converged: its budget is used up"
+    assert reading.message == (
+        f"stopped after {reading.evaluations} evaluations, not converged: the allowed number of evaluations is used up"
+    )
     assert first.solution.evaluations < reading.evaluations <= whole
     counted = [
         step for step in reported if step.stage in ("coarse search", "fine search", "changes") and step.evaluations

@@ -91,18 +91,20 @@ def read_alone(monkeypatch, drive, short_fit):
 def test_recordings_of_two_vehicles_are_named_with_the_result_of_each_and_no_search_of_all_is_begun(read_alone):
     message, begun = read_alone(first=NEAR, second=NEAR, other=ANOTHER)
     head, *lines = message.splitlines()
-    assert head == "these recordings are of two vehicles, and were read one by one only."
+    assert head == "these recordings are of two vehicles, so each was estimated on its own."
     assert lines[0].startswith("first: of the vehicle of CAL.toml, at most ")
     assert "trust " in lines[0]
-    assert lines[2] == "other: of another vehicle than CAL.toml; take the calibration of its own."
+    assert lines[2] == "other: of another vehicle than CAL.toml; use the calibration of that vehicle."
     assert begun == [("first",), ("second",), ("other",)]
 
 
 def test_a_recording_that_does_not_converge_alone_is_named_and_no_vehicle_is_blamed(read_alone):
     message, begun = read_alone(first=NEAR, spoiled=SPOILED)
     head, _, line = message.splitlines()
-    assert head == "these recordings have no load in common, and were read one by one only."
-    assert line.startswith("spoiled: not converged, at 30 times the cost of the calibration; leave it out, and ")
+    assert head == "these recordings have no load in common, so each was estimated on its own."
+    assert line.startswith(
+        "spoiled: not converged, with a cost 30 times that of the calibration; leave the recording out, and "
+    )
     assert line.endswith(" --start CAL.toml")
     assert len(begun) == 2
 

@@ -62,7 +62,7 @@ def test_a_file_without_a_model_has_values_for_every_model(tmp_path):
         ("sha256 =", "#", SPRING, "[model] sha256: missing; a file with own = 'spring' needs the hash of its model."),
         ("own =", "#", SPRING, "[model] variant = 'isothermal': the file is for this variant, not for the model"),
         ("c_r = 5000.0", "c_r = 'stiff'", SPRING, "c_r = 'stiff': a number in N/m is needed."),
-        ("c_r = 5000.0", "c_r = -1.0", SPRING, "c_r = -1 N/m: it is at least 0 and at most 100000."),
+        ("c_r = 5000.0", "c_r = -1.0", SPRING, "c_r = -1 N/m: it must be at least 0 and at most 100000."),
         ("c_r = 5000.0", "c_R = 5000.0", SPRING, "no parameter 'c_R'; did you mean 'c_r'?"),
     ],
 )  # fmt: skip

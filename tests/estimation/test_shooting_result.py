@@ -118,7 +118,7 @@ def test_a_fit_says_how_it_was_done_and_within_which_scales(fit, shot):
 def test_notes_name_what_the_recordings_tell_and_what_they_do_not(calibrated):
     determined, undetermined, *_ = calibrated.notes
     assert determined.startswith("determined by the data: ")
-    assert undetermined.startswith("not determined by the data, so that the prior applies: ")
+    assert undetermined.startswith("not determined by the data, so the prior applies: ")
     names = [
         set(note.removesuffix(".").partition(": ")[2].replace(" and ", ", ").split(", "))
         for note in (determined, undetermined)
@@ -147,7 +147,9 @@ def test_a_search_that_did_not_converge_is_a_warning(shot, conditions):
     stopped = fit_at(
         SHOOTING, replace(shot, solution=replace(shot.solution, status="limit", evaluations=7)), conditions
     )
-    assert stopped.warnings == ("the search stopped after 7 evaluations, not converged: its budget is used up.",)
+    assert stopped.warnings == (
+        ("the search stopped after 7 evaluations, not converged: the allowed number of evaluations is used up."),
+    )
     assert stopped.status == "warning"
     assert not stopped.converged
     assert fit_at(SHOOTING, shot, conditions).converged

@@ -98,7 +98,7 @@ def test_the_linearisation_is_the_compressed_stack_of_all_segments_and_recording
 
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
-    [("C_vs", -1e-9, "a conductance is at least 0"), ("theta_2", -1e12, "diverged at")],
+    [("C_vs", -1e-9, "a conductance must be at least 0"), ("theta_2", -1e12, "diverged at")],
     ids=["contradicting parameters", "a simulation that blows up"],
 )
 def test_a_point_that_cannot_be_simulated_is_an_answer_not_an_exception(truth, drive, name, value, sentence):

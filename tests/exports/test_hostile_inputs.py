@@ -131,7 +131,7 @@ def test_the_load_stays_what_it_was_and_a_flag_says_why(load_of, fault):
 #: Words of the reasons in Python by their name in C.
 SAID = {
     "calibration": "settled vented rest", "strokes": "ended, fewer than", "band": "the band of the load",
-    "mismatch": "the innovations (NIS", "supply": "the supply pressure was", "rest": "and was kept",
+    "mismatch": "innovation in motion (NIS", "supply": "the supply pressure was", "rest": "and was not subtracted",
     "zero": "the position jumped", "flags": "% of the last",
 }  # fmt: skip
 

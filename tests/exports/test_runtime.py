@@ -356,7 +356,7 @@ def test_it_compiles_without_a_warning_and_float_knows_no_double(observer_of, tm
 
 def test_a_name_that_c_does_not_take_is_a_sentence():
     for name in ("2nd", "a b", "", "int", "x" * 40):
-        with pytest.raises(ParameterError, match="no C identifier"):
+        with pytest.raises(ParameterError, match="not a C identifier"):
             CStyle(name)
 
 

@@ -122,7 +122,7 @@ def test_what_is_not_there_or_no_plain_file_is_one_sentence(tmp_path, open_):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     os.mkfifo(tmp_path / "pipe")
     for name, what in {
-        "gone": rf"gone: is a link to '{tmp_path}/nowhere\.csv', which is not there\.",
+        "gone": rf"gone: is a link to '{tmp_path}/nowhere\.csv', which does not exist\.",
         "loop": r"loop: cannot be read \(Too many levels of symbolic links\)\.",
         "lop": "lop: there is no such file; did you mean 'loop'?",
         "pipe": "pipe: is not a plain file; save the (recording|file) to a file first",

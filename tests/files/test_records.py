@@ -106,8 +106,8 @@ STRANGE = {
         "20,000 positions; at most 500 are allowed",
     ),
     "a letter too small": ("[parameters]\nF_c = 1.0\n", "no parameter 'F_c'; did you mean 'F_C'"),
-    "no TOML": ("M: 1\n", r"is no TOML file \("),
-    "bytes of another encoding": ("[model]\n# \udcfc\n", r"is no TOML file \("),
+    "no TOML": ("M: 1\n", r"is not a TOML file \("),
+    "bytes of another encoding": ("[model]\n# \udcfc\n", r"is not a TOML file \("),
 }
 
 

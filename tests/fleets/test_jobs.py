@@ -73,7 +73,7 @@ def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
             fleet_of(tmp_path / name, cal)
     for rows, said in (
         (("a,,T1,",), "'a' has no vehicle"),
-        (("a,V1,T1,", "a,V1,T1,", "x,V9,T1,1", "x,V9,T1,2"), "'x' stands there twice, with other values"),
+        (("a,V1,T1,", "a,V1,T1,", "x,V9,T1,1", "x,V9,T1,2"), "'x' is listed twice, with different values"),
         (("y,V1,T1,", "z,V1,T1,"), "none of the files of its 2 recordings exists"),
     ):
         with pytest.raises(DataError, match=said):

@@ -130,7 +130,7 @@ def test_recordings_of_several_folders_without_a_table_are_warned_of(tmp_path):
         path.touch()
     (tmp_path / "cal.toml").touch()
     tracked = track(paths, tmp_path / "cal.toml")
-    assert "the recordings lie in 2 folders (V1, V2) and are taken for those of one" in tracked.wear.warnings[0]
+    assert "the recordings lie in 2 folders (V1, V2) and are treated as recordings of one" in tracked.wear.warnings[0]
     assert not any("folders" in warning for warning in track(paths[:1], tmp_path / "cal.toml").wear.warnings)
 
 
@@ -142,5 +142,5 @@ def test_a_refused_recording_is_one_line_that_says_which_command_has_force(tmp_p
     reading = read_recording(Reading(), "fit", RecordingJob("r", path=recording, start=start))
     assert reading.status == "bad_input"
     assert "fast strokes have too few samples" in reading.message
-    assert reading.message.endswith(" or read it alone by estimate with --force.")
+    assert reading.message.endswith(" or estimate this recording alone with --force.")
     assert "\n" not in reading.message

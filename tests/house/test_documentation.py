@@ -9,7 +9,9 @@ import pytest
 
 from clutchid.cli import app
 from clutchid.estimation.assess.verdict import NOISE_ONLY, PAPER_HELD, PAPER_OFF
+from clutchid.exports.requirements import REQUIREMENTS
 from clutchid.log.states import STATES
+from clutchid.observer.flags import FLAGS
 from clutchid.parameters import GROUPS, Parameters
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,11 +42,6 @@ def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations
 
 
-def test_the_page_of_architecture_has_the_packages_of_the_import_contract():
-    made = script("make_architecture")
-    assert made.PLACE.search(made.PAGE.read_text(encoding="utf-8"))[0] == made.packages()
-
-
 def test_the_page_of_equations_has_every_equation_of_the_paper_and_their_names():
     text = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
     headings = re.findall(r"^### (\(.*?\))(?: [A-Z])", text, re.MULTILINE)
@@ -73,7 +70,7 @@ def test_the_readme_is_read_in_a_minute():
 
 def test_the_readme_says_what_an_interval_without_a_calibration_is_in_the_figures_of_the_program():
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    assert f"`±` is {NOISE_ONLY.removeprefix('± is ')}" in readme
+    assert f"`±` {NOISE_ONLY.removeprefix('± ')}" in readme
     assert f"{PAPER_OFF} % of its peak, and its band contained {PAPER_HELD} % of the points" in readme
 
 
@@ -119,10 +116,17 @@ def test_every_name_in_prose_exists():
 def test_what_pages_leave_to_the_code_is_printed_with_a_row_for_each_of_its_facts(printed):
     marks = [mark for page in (ROOT / "docs").rglob("*.md") for mark in printed.MARK.findall(page.read_text("utf-8"))]
     assert set(marks) == set(printed.PRINTED)
-    for part, names in (("states", STATES), ("parameters", Parameters.rows()), ("priors", Parameters.rows())):
+    for part, names in (
+        ("flags", FLAGS),
+        ("states", STATES),
+        ("parameters", Parameters.rows()),
+        ("priors", Parameters.rows()),
+    ):
         assert re.findall(r"^\| `(\w+)`", printed.with_printed(f"<!-- printed {part} -->"), re.MULTILINE) == [*names]
     assert set(re.findall(r"^\| (.+) \| `", printed.PRINTED["changes"](), re.MULTILINE)) == set(GROUPS)
-    assert "| `--start` | Calibration (TOML) that" in printed.options("look")
+    assert "| `--start` | Calibration (TOML) with" in printed.options("look")
+    assert "| `cli` | The command line: one module per command |" in printed.PRINTED["packages"]()
+    assert re.findall(r"^\| (R\d+) \|", printed.PRINTED["requirements"](), re.MULTILINE) == [*REQUIREMENTS]
 
 
 def test_the_command_that_ci_runs_is_in_the_readme():

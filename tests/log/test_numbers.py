@@ -68,7 +68,7 @@ def test_dates_and_durations_are_seconds_whatever_their_unit(unit, second):
     edges = {"duty_supply": (dates + np.timedelta64(1, "s"), VALUES)}
     assert Log(dates, {"duty_supply": VALUES}, edges=edges).edges["duty_supply"][0].tolist() == [1.0, 2.0, 3.0, 4.0]
     with pytest.raises(
-        DataError, match="time of the edges of 'duty_supply' and of the columns: both are dates, or none is"
+        DataError, match="time of the edges of 'duty_supply' and of the columns: both must be dates, or neither"
     ):
         Log(TIME, {"duty_supply": VALUES}, edges=edges)
 
@@ -96,7 +96,7 @@ def quantity(unit: str) -> SimpleNamespace:
         (iter(VALUES), "holds objects"),
         (VALUES > 0.0, "holds truth values"),
         ((1e9 * TIME).astype("m8[ns]"), "holds durations"),
-        ([[0.0], [1.0, 2.0], 3.0, 4.0], "is no array (setting an array element with a sequence"),
+        ([[0.0], [1.0, 2.0], 3.0, 4.0], "is not an array (setting an array element with a sequence"),
         (VALUES[:, np.newaxis], "has (4, 1) samples, time has 4"),
     ],
 )

@@ -178,8 +178,8 @@ def test_pieces_of_long_messages_and_frames_that_are_not_known_are_counted(logge
     source = open_file(logged("asc", frames), [dbc])
     assert [raster.name for raster in source.rasters] == ["EEC1"]
     assert source.warnings == (
-        "10 frames are left out: pieces of longer messages (J1939 transport protocol, NMEA 2000 fast packets).",
-        "5 frames are left out, of 2 identifiers that no DBC knows; the commonest: 0x123 (4), 0x18FEF121 (1).",
+        "10 frames are left out: parts of multi-frame messages (J1939 transport protocol, NMEA 2000 fast packets).",
+        "5 frames are left out, of 2 identifiers that no DBC defines; the most frequent: 0x123 (4), 0x18FEF121 (1).",
     )
 
 
@@ -194,7 +194,7 @@ def test_error_and_remote_frames_and_short_ones_are_told(logged, dbc, tmp_path):
     assert source.warnings == (
         "1 error frame is left out.",
         "1 remote frame is left out.",
-        "some frames are shorter than the DBC says (1 of EEC1): the signals that they lack are missing.",
+        "some frames are shorter than the DBC says (1 of EEC1): the signals beyond their end are missing.",
     )
     np.testing.assert_array_equal(numbers_of(source, 0)["EngineSpeed"], [np.nan, 0.0])
 
@@ -210,7 +210,7 @@ def test_frames_that_are_in_a_log_as_sent_and_as_received_count_once(tmp_path, d
     writer.stop()
     source = open_file(tmp_path / f"log.{suffix}", [dbc])
     assert source.rasters[0].size == 100
-    assert "100 frames are in the log twice, as sent and as received; one of each two is used." in source.warnings
+    assert "100 frames are in the log twice, as sent and as received; each is used once." in source.warnings
 
 
 @pytest.mark.slow
@@ -246,8 +246,8 @@ def test_without_a_dbc_there_is_one_sentence_that_asks_for_it(logged):
 def test_a_dbc_of_another_bus_is_told_with_the_commonest_identifiers(logged, dbc):
     source = open_file(logged("blf", [(i, 0x300 + i % 2, bytes(8), 0) for i in range(3)]), [dbc])
     assert source.problems == (
-        "none of its 3 frames (the commonest: 0x300 (2), 0x301 (1)) holds a signal of bus.dbc; "
-        "give the DBC of this bus with --dbc FILE.",
+        "none of its 3 frames (the most frequent: 0x300 (2), 0x301 (1)) holds a signal of bus.dbc; give the DBC of "
+        "this bus with --dbc FILE.",
     )
 
 
@@ -265,7 +265,7 @@ def test_formats_are_told_by_content(logged, tmp_path):
         assert (mf4.mdf_frames(path) is not None) == (suffix == "mf4")
     other = tmp_path / "run.csv"
     other.write_text("time [s],position [m]\n0,1\n")
-    assert open_file(other).problems == ("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.",)
+    assert open_file(other).problems == ("is not a CAN log; BLF, ASC, TRC and MF4 bus logs are read.",)
 
 
 @pytest.mark.parametrize(("kind", "stamps"), [("absolute", [0.0, 0.2]), ("relative", [0.0, 0.8])])
@@ -283,7 +283,7 @@ def test_an_asc_log_counts_stamps_from_its_start_and_passes_over_lines_that_cann
 def test_an_asc_log_without_a_date_says_that_it_has_no_absolute_time(save, dbc):
     source = open_file(save(ASC.split("\n", 1)[1], "run.asc"), [dbc])
     assert "start" not in source.metadata
-    assert source.warnings[0] == "does not say when it was recorded: its stamps count from its first frame only."
+    assert source.warnings[0] == "does not say when it was recorded: its time stamps start at the first frame."
 
 
 @pytest.mark.parametrize("kind", ["absolute", "relative"])
@@ -348,7 +348,7 @@ def test_a_log_that_is_cut_off_is_read_up_to_there(logged, dbc):
     path = logged("blf", frames)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     source = open_file(path, [dbc])
-    assert source.warnings[0].startswith("is cut off: it says that it has ")
+    assert source.warnings[0].startswith("is cut off: its header says ")
     assert 0 < sum(raster.size for raster in source.rasters) < 15_000
 
 
@@ -427,5 +427,5 @@ def test_real_logs_have_an_engine_and_a_wheel_speed(bus_logs, name, size):
 def test_a_transport_protocol_log_says_that_its_messages_come_in_pieces(bus_logs):
     source = open_file(bus_logs / "css_94C49784_nmea.MF4", [bus_logs / "tp_nmea.dbc"])
     (problem,) = source.problems
-    assert problem.startswith("none of its 9,600 frames (the commonest: 0x09F11202 (2,399), ")
-    assert "are pieces of longer messages, which are not put together" in problem
+    assert problem.startswith("none of its 9,600 frames (the most frequent: 0x09F11202 (2,399), ")
+    assert "belong to multi-frame messages, which are not reassembled" in problem

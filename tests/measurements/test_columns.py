@@ -36,7 +36,7 @@ def test_a_unit_that_is_not_known_lists_the_known_ones(text, end):
 
 def test_long_lists_and_texts_are_cut():
     (warning,) = ignored(headings([f"signal {i} [1]" for i in range(100)]))
-    assert "and 88 more are not known and left out" in warning
+    assert "and 88 more are unknown and left out" in warning
     assert shortened("a\n  b", 40) == "a b"
     assert len(shortened("x" * 100)) == 40
 

@@ -128,7 +128,7 @@ def test_bad_samples_are_told_with_their_row_and_stamps_are_mended(source):
     for name, values in once.columns.items():
         later = log[name][2100:], values[100:]
         assert np.allclose(*later, rtol=1e-9, atol=1e-12, equal_nan=True), f"{name}: one shift for all groups"
-    with pytest.raises(DataError, match="restart 0 and 1 times, and nothing says which samples belong together"):
+    with pytest.raises(DataError, match="restart 0 and 1 times, so it is unclear which samples belong together"):
         read(source(twice[0], TRAVEL, PRESSURE))
 
 
@@ -239,7 +239,7 @@ def test_standard_names_are_read_as_a_map_that_names_them(source, rows):
 
 def test_what_is_wrong_with_the_headings_is_said_with_the_first_piece_only(source):
     first, *others = read(source(STANDARD), None, 333)
-    assert [warning.partition(" is not known")[0] for warning in first.warnings] == ["column 'gear'"]
+    assert [warning.partition(" is unknown")[0] for warning in first.warnings] == ["column 'gear'"]
     assert len(others) == 6
     assert not any(log.warnings for log in others)
 

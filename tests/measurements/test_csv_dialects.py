@@ -282,7 +282,7 @@ def test_a_second_time_has_the_unit_of_the_first(tmp_path, suffix, second):
     table.write_csv(path) if suffix == "csv" else table.write_parquet(path)
     log = cio.read(path)
     np.testing.assert_allclose(log["duty_supply"], log["position"] * 10.0)
-    guessed = "has no unit; [ms], as that of the other times of the table, is guessed"
+    guessed = "has no unit; [ms], the unit of the other times of the table, is guessed"
     assert any(guessed in text for text in log.warnings) == (second == "time_2")
 
 

@@ -174,14 +174,14 @@ def test_umlauts_are_read_from_either_encoding(tmp_path):
 @pytest.mark.parametrize(
     ("text", "where"),
     [
-        (dbc_of(["X : 0|8@1+ (1,0"]), "cut off behind line 10"),
+        (dbc_of(["X : 0|8@1+ (1,0"]), "cut off after line 10"),
         (dbc_of(["X : 0|8@1+ (1,0) [0|0] ECU"]) + "\nBO_ 101 Next: 8 ECU\n", "line 10, column 29"),
         (HEAD, "holds no messages"),
         ("", "holds no messages"),
         ("time [s],position [m]\n0,1\n", "line 1, column 1"),
         (MUXED.replace("8-15", "8-4294967295"), "line 22: more than 65,536"),
-        ('<?xml version="1.0"?><NetworkDefinition/>', "is ARXML, KCD or SYM; make a DBC of it: cantools convert FILE"),
-        ("// x\n\nFormatVersion=6.0 // x\n", "is ARXML, KCD or SYM; make a DBC of it"),
+        ('<?xml version="1.0"?><NetworkDefinition/>', "is ARXML, KCD or SYM; convert it to DBC: cantools convert FILE"),
+        ("// x\n\nFormatVersion=6.0 // x\n", "is ARXML, KCD or SYM; convert it to DBC"),
     ],
 )
 def test_what_is_no_dbc_is_refused_in_one_sentence_that_names_file_and_line(tmp_path, text, where):

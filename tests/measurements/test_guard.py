@@ -107,7 +107,7 @@ def test_a_process_that_has_grown_is_left_to_the_files_that_are_open_in_it(packe
 def test_a_process_that_dies_on_a_file_is_one_sentence_and_the_next_file_is_read(packed):
     process = stopped()
     threading.Timer(0.2, os.kill, (process.pid, signal.SIGKILL)).start()
-    with pytest.raises(DataError, match=r"run\.csv\.gz: the reader process ended on it \(SIGKILL\)"):
+    with pytest.raises(DataError, match=r"run\.csv\.gz: the reader process crashed while reading it \(SIGKILL\)"):
         read(packed)
     assert len(read(packed)) == 3000
 
@@ -179,7 +179,7 @@ BAD = b"time [s],position [m],duty_supply [1],duty_exhaust [1]\n0,x,0,0\n1,1e-3,
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (gzip.compress(TEXT.encode())[:-200], "is no whole gzip file .* copy it again"),
+        (gzip.compress(TEXT.encode())[:-200], "is not a complete gzip file .* copy it again"),
         (gzip.compress(BAD), ".*position"),
         (gzip.compress(gzip.compress(TEXT.encode())), "is packed twice"),
     ],
@@ -204,7 +204,7 @@ def test_a_matlab_file_that_unpacks_to_gigabytes_is_not_read_as_a_whole(tmp_path
 def test_where_no_process_can_be_started_the_file_is_named(packed, tmp_path, monkeypatch):
     guard.reader(packed).worker.end()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
-    with pytest.raises(DataError, match=r"run\.csv\.gz: no process to read it in could be started \(No such file"):
+    with pytest.raises(DataError, match=r"run\.csv\.gz: the process that reads it could not be started \(No such file"):
         read(packed)
 
 

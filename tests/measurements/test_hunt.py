@@ -199,8 +199,11 @@ def test_a_recorded_supply_that_falls_is_said(hunt):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("25r_spikes.parquet", "30 samples beyond the stops, the first at 0.038 s (65.5 mm), taken as missing"),
-        ("25j_rezero_mid.parquet", "position jumps by +1.06 mm at 15.000 s, faster than a piston moves, and stays"),
+        ("25r_spikes.parquet", "30 samples beyond the stops, the first at 0.038 s (65.5 mm), treated as missing"),
+        (
+            "25j_rezero_mid.parquet",
+            ("position jumps by +1.06 mm at 15.000 s, faster than a piston moves, and stays there"),
+        ),
     ],
 )
 def test_what_is_no_value_of_the_position_is_said(hunt, name, said):

@@ -33,7 +33,7 @@ def test_the_time_axis_is_measured(recording, save):
     assert (time.rate, time.longest, time.shortest) == pytest.approx((1000, 0.493, 0.001))
     (hole,) = time.holes
     assert (hole.place, hole.start, hole.length) == (9, 0.007, pytest.approx(0.493))
-    assert "Holes: 0.493 s after line 9" in str(seen)
+    assert "Gaps: 0.493 s after line 9" in str(seen)
 
 
 @pytest.mark.parametrize("small", [0, 1e9])
@@ -77,7 +77,7 @@ def test_problems_and_warnings_are_listed_not_raised(save):
     [
         ("", "the file is empty"),
         (b"\xff\xfe\x00", "not UTF-8"),
-        (b"PAR1 and nothing else", "no complete Parquet file"),
+        (b"PAR1 and nothing else", "not a complete Parquet file"),
         ("time [s],position [m]\n", "no samples"),
     ],
 )
@@ -204,7 +204,7 @@ def test_only_a_file_that_cannot_be_opened_raises(tmp_path, recording, save):
     ("content", "said"),
     [
         (b"MDF     4.10".ljust(100), "is an MDF file that ends within its header, after 100 bytes; copy it again."),
-        (bytes(range(256)), "is no MDF file, and no text; copy it again."),
+        (bytes(range(256)), "is not a readable MDF file; copy it again."),
     ],
 )
 def test_a_broken_mdf_file_is_said_to_be_one_by_its_name(tmp_path, content, said):

@@ -29,7 +29,7 @@ def good(tmp_path):
 def test_an_empty_file(tmp_path, good):
     path = tmp_path / "run.mat"
     path.write_bytes(b"")
-    assert mat_file.open_file(path).problems == ("is no MATLAB file: its header is damaged; copy or save it again.",)
+    assert mat_file.open_file(path).problems == ("is not a MATLAB file: its header is damaged; copy or save it again.",)
     path.write_bytes(good("5")[:128])
     assert mat_file.open_file(path).problems[0].startswith("holds no vector of two or more numbers")
 
@@ -41,7 +41,7 @@ def test_a_truncated_file(tmp_path, good, form, share):
     data = good(form)
     path.write_bytes(data[: int(share * len(data))])
     (problem,) = mat_file.open_file(path).problems
-    assert re.fullmatch(r"is no whole MATLAB file \(.*\); copy or save it again\.", problem)
+    assert re.fullmatch(r"is not a complete MATLAB file \(.*\); copy or save it again\.", problem)
 
 
 def array(rows, columns, data):
@@ -55,7 +55,9 @@ def test_what_claims_more_than_the_file_can_hold_is_refused(tmp_path, good):
     packed = zlib.compress(array(1 << 30, 1, bytes(100_000)), 9)
     path.write_bytes(good("5")[:128] + struct.pack("<II", 15, len(packed)) + packed)
     (problem,) = open_source(path).problems
-    assert problem.startswith(("is no whole MATLAB file (", "needs more memory than there is; save it with '-v7.3'"))
+    assert problem.startswith(
+        (("is not a complete MATLAB file ("), "needs more memory than there is; save it with '-v7.3'")
+    )
 
 
 def test_emoji_in_a_text_are_said(tmp_path, good):
@@ -66,7 +68,7 @@ def test_emoji_in_a_text_are_said(tmp_path, good):
     )
     path.write_bytes(good("5") + struct.pack("<II", 14, len(head)) + head)
     (problem,) = mat_file.open_file(path).problems
-    assert "or has emoji in a text, which SciPy cannot read; copy or save it again, or with '-v7.3'." in problem
+    assert "or contains an emoji, which SciPy cannot read; copy or save it again, or with '-v7.3'." in problem
 
 
 def test_arrays_of_one_dimension_are_vectors(tmp_path, good):

@@ -30,7 +30,7 @@ def test_hdf5_without_a_header_of_matlab_is_read(tmp_path):
     assert mat_file.is_mat(path.read_bytes()[: mat_file.HEAD])
     source = mat_file.open_file(path)
     assert (source.format, called(source), source.metadata) == ("MATLAB 7.3", [["t", "c{1}", "y"]], {})
-    assert source.warnings == ("left out what holds no real numbers (2): 'texts', 'word'.",)
+    assert source.warnings == ("left out objects that hold no real numbers (2): 'texts', 'word'.",)
     assert [table.size for table in source.tables(0, [0], 700)] == [700, 700, 700, 700, 200]
     np.testing.assert_array_equal(numbers_of(source, 0, 700)["y"], Y)
 
@@ -63,7 +63,7 @@ def test_what_is_no_channel_is_left_out_and_counted(made):
     assert source.warnings[0].startswith("left out objects, which only MATLAB can read: 'ts' (timeseries); in MATLAB")
     assert set(source.warnings[1:]) == {
         "left out arrays whose numbers are not in the file (2): 'elsewhere', 'soft'.",
-        "left out what holds no real numbers (4): 'fh', 'none', 'sp' and 1 more.",
+        "left out objects that hold no real numbers (4): 'fh', 'none', 'sp' and 1 more.",
     }
 
 
@@ -81,7 +81,7 @@ def test_a_struct_that_holds_itself_is_refused(made):
         group = file.create_group("a")
         group["again"] = group
 
-    assert mat_file.open_file(made({}, more)).problems[0].startswith("is no whole MATLAB 7.3 (HDF5) file (")
+    assert mat_file.open_file(made({}, more)).problems[0].startswith("is not a complete MATLAB 7.3 (HDF5) file (")
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9, 0.99])
@@ -90,7 +90,7 @@ def test_a_truncated_file(made, share):
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     source = mat_file.open_file(path)
     assert source.rasters == ()
-    assert source.problems[0].startswith("is no whole MATLAB 7.3 (HDF5) file (")
+    assert source.problems[0].startswith("is not a complete MATLAB 7.3 (HDF5) file (")
 
 
 def test_damaged_samples_are_an_error_that_names_the_file(made):
@@ -99,7 +99,7 @@ def test_damaged_samples_are_an_error_that_names_the_file(made):
     data[len(data) // 2 : len(data) // 2 + 2000] = bytes(2000)
     path.write_bytes(data)
     source = mat_file.open_file(path)
-    words = r"run\.mat: is no whole MATLAB 7\.3 \(HDF5\) file \(.*\); copy or save it again\."
+    words = r"run\.mat: is not a complete MATLAB 7\.3 \(HDF5\) file \(.*\); copy or save it again\."
     with pytest.raises(DataError, match=words):
         list(source.tables(0, [0]))
 

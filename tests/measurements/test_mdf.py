@@ -407,7 +407,7 @@ def test_a_file_that_is_cut_anywhere_is_refused_in_one_sentence(small):
 def test_a_group_cannot_claim_more_samples_than_the_file_holds(save):
     file = Bytes()
     path = save(file.finish(file.group(two_channels(file), 10**15, 10), records_of(2)), "run.mf4")
-    with pytest.raises(DataError, match="is cut off: group 1 claims 1000000 samples and holds 2; copy it again"):
+    with pytest.raises(DataError, match="is cut off: group 1 should have 1000000 samples and has 2; copy it again"):
         list(open_file(path).tables(0, [0], 10**6))
 
 

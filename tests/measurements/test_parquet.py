@@ -88,7 +88,7 @@ def test_a_table_without_samples_or_columns(parquet, columns, words):
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.9, 0.99])
 def test_a_truncated_file(parquet, save, share):
     data = parquet(GOOD).read_bytes()
-    with pytest.raises(DataError, match=r"is no complete Parquet file, or .* \(.*\); copy it again"):
+    with pytest.raises(DataError, match=r"is not a complete Parquet file, or .* \(.*\); copy it again"):
         cio.read(save(data[: max(4, int(share * len(data)))], "cut.parquet"))
 
 
@@ -152,7 +152,10 @@ def test_truth_values_of_a_valve_are_one_and_zero(parquet):
 
 @pytest.mark.parametrize(
     ("claim", "reason"),
-    [([0xFF, 127], "the reader process ended on it"), ([0xFE] * 4 + [15], "is no complete Parquet file, or")],
+    [
+        ([0xFF, 127], ("the reader process crashed while reading it")),
+        ([0xFE] * 4 + [15], "is not a complete Parquet file, or"),
+    ],
 )
 def test_a_page_that_claims_more_samples_than_the_file_is_one_sentence(tmp_path, claim, reason):
     path = tmp_path / "run.parquet"
@@ -204,8 +207,8 @@ def test_an_encrypted_file_is_refused_as_such(data, name):
 def test_what_polars_does_not_read_is_refused_with_its_reason(data, name, words):
     (problem,) = parquet_file.open_file(data(f"foreign_files/parquet/{name}")).problems
     assert problem == (
-        f"is no complete Parquet file, or has columns of a kind that polars does not read ({words}); "
-        "copy it again, or write its channels as Float64."
+        f"is not a complete Parquet file, or has columns of a kind that polars cannot read ({words}); copy it again, "
+        "or write its channels as Float64."
     )
 
 

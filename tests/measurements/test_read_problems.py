@@ -61,12 +61,15 @@ def test_too_few_cells_far_down_are_not_taken_for_missing_samples(recording, sav
 @pytest.mark.parametrize(
     ("stamps", "words"),
     [
-        (["" for _ in range(30)], r"places only 0 of 30 samples: .* \(lines 2-31\)"),
+        (["" for _ in range(30)], r"gives only 0 of 30 samples a place: .* \(lines 2-31\)"),
         (
             [str(i // 15) for i in range(30)],
-            "only 2 of 30 samples: the others have no time stamp, repeat one or come late",
+            "only 2 of 30 samples a place: the others have no time stamp, repeat one or go back",
         ),
-        ([str(30 - i) for i in range(30)], "only 1 of 30 samples: .*lines 3-31.*increasing time for every sample"),
+        (
+            [str(30 - i) for i in range(30)],
+            ("only 1 of 30 samples a place: .*lines 3-31.*increasing time for every sample"),
+        ),
     ],
 )
 def test_a_time_that_places_hardly_a_sample_is_a_problem(recording, save, stamps, words):
@@ -85,7 +88,7 @@ def test_bytes_that_are_no_text(save, content):
 def test_text_in_windows_1252_below_the_samples(recording, save, tail):
     log = cio.read(save(recording(3).encode() + tail))
     assert len(log) == 3
-    assert log.warnings == ("left out line 5: the names again, a remark, or not written to the end.",)
+    assert log.warnings == ("left out line 5: repeated column names, a remark, or an incomplete line.",)
 
 
 NOT_SAMPLES = {
@@ -108,7 +111,7 @@ def test_a_line_that_holds_no_sample_is_left_out_and_said(recording, save, monke
     log, whole = cio.read(save(text)), cio.read(save(recording(9), "whole.csv"))
     assert np.array_equal(log.time, whole.time)
     assert np.array_equal(log["position"], whole["position"])
-    assert log.warnings == ("left out line 6: the names again, a remark, or not written to the end.",)
+    assert log.warnings == ("left out line 6: repeated column names, a remark, or an incomplete line.",)
 
 
 @pytest.mark.parametrize("tail", ["0.009,0.0", "0.009,0.009,0.5,", "\0" * 5000, "0.009,0.0" + "\0" * 5000])
@@ -165,7 +168,7 @@ def test_two_columns_of_one_quantity_are_both_named_and_a_map_selects_one(tmp_pa
     for name in ("position [m]", shown):
         log = cio.read(path, channels=ChannelMap({"position": Channel(name, unit="m"), **channels}))
         assert log["position"][0] == (0.001 if name == "position [m]" else 0.005)
-        named = f"position: the first channel '{name}' is read, not 'position [m] (2)'."
+        named = f"position: the first channel '{name}' is used, not 'position [m] (2)'."
         assert (named in log.warnings) == (same and name == "position [m]")
 
 

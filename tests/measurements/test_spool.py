@@ -144,7 +144,7 @@ def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):
     noise = {name: np.random.default_rng(1).standard_normal(1000) for name in log.columns}
     log = Log(log.time, noise, "run")
     path = tmp_path / f"live{suffix}"
-    assert filled(path, log) == f"{path}: cannot be written any further (File too large)."
+    assert filled(path, log) == f"{path}: can no longer be written (File too large)."
     frame = read_frame(path)
     assert 200 <= frame.height < 1000
     assert frame["time [s]"].to_list() == log.time[: frame.height].tolist()

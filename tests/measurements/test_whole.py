@@ -42,9 +42,9 @@ def test_a_file_is_refused_by_its_own_description_before_a_sample_is_read(compac
     with pytest.raises(DataError) as caught:
         read(compact)
     assert str(caught.value) == (
-        f"{compact}: its 4,000,000 samples of 4 channels take 0.128 GB in memory, more than the 0.12 GB that are read "
-        "as a whole; cut out what is needed with `clutchid cut`, or allow more with the environment variable "
-        "CLUTCHID_READER_MEMORY=1GB."
+        f"{compact}: its 4,000,000 samples of 4 channels take 0.128 GB in memory, more than the 0.12 GB that "
+        "clutchid reads as a whole; cut out the part that you need with `clutchid cut`, or allow more with the "
+        "environment variable CLUTCHID_READER_MEMORY=1GB."
     )
     assert questions == ["open"]
 
@@ -65,7 +65,7 @@ def test_a_large_file_of_many_bytes_is_no_exception(tmp_path, monkeypatch):
     noise = np.random.default_rng(1).uniform(0.0, 1.0, 20_000)
     write(Log(np.arange(noise.size) * 1e-3, dict.fromkeys(("position", "duty_supply", "duty_exhaust"), noise)), path)
     monkeypatch.setenv("CLUTCHID_READER_MEMORY", "1MB")
-    with pytest.raises(DataError, match=r"20,000 samples of 4 channels take 0\.00064 GB .* read as a whole"):
+    with pytest.raises(DataError, match=r"20,000 samples of 4 channels take 0\.00064 GB .* reads as a whole"):
         read(path)
 
 

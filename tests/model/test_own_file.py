@@ -52,7 +52,7 @@ def test_comments_and_layout_are_not_part_of_the_meaning(file):
     ("text", "name", "sentence"),
     [
         (SPRING, "sprung", "there is no 'sprung'; models in it are spring."),
-        (SPRING, "STIFFNESS", "STIFFNESS is no OwnModel but OwnParameter; models in it are spring."),
+        (SPRING, "STIFFNESS", "STIFFNESS is not an OwnModel but OwnParameter; models in it are spring."),
         ("x = 1\n", "spring", "there is no 'spring'; it has no OwnModel; see docs/own_models.md."),
     ],
 )

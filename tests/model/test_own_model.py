@@ -140,7 +140,7 @@ def test_the_hash_is_of_the_meaning():
 def test_values_outside_their_range_are_refused_with_the_range():
     actuator = Actuator(model=spring())
     with pytest.raises(
-        ParameterError, match=r"^c_r = -1 N/m: it is at least 0 and at most 100000\. The default is 4000\.$"
+        ParameterError, match=r"^c_r = -1 N/m: it must be at least 0 and at most 100000\. The default is 4000\.$"
     ):
         actuator.replace({"c_r": -1.0})
     with pytest.raises(ParameterError, match="did you mean 'c_r'"):
@@ -165,13 +165,15 @@ def test_values_outside_their_range_are_refused_with_the_range():
             lambda: element(states={"z_2": DEFLECTION, "z": DEFLECTION}, rates={"z_2": v, "z": v}),
             "state z: the name is taken, by a state of clutchid; choose another one.",
         ),
-        (lambda: stiff(2e5, "N/mm", "x", (0, 1e9)), "parameter K_2: unit 'N/mm': 'mm' is no SI unit; known are 1"),
+        (lambda: stiff(2e5, "N/mm", "x", (0, 1e9)), (
+            "parameter K_2: unit 'N/mm': 'mm' is not an SI unit; the known units are 1"
+        )),
         (lambda: element(terms={"f_f": f_f + K_2 * v}), "terms: f_f: the units do not fit: K_2*v + f_f_base combines"),
         (lambda: element(terms={"f_f": K_2 * z_2 / F_2}), "terms: f_f: the expression is in 1; N is needed."),
         (lambda: element(rates={"z_2": z_2 * K_2 / F_2}), "rates: z_2: the expression is in 1; m/s is needed."),
         (
             lambda: spring(terms={"f_s": f_s + symbols("F_R") + c_r * y}),
-            "terms: f_s: 'F_R' is no state, input, parameter or term; did you mean 'F_r'?",
+            "terms: f_s: 'F_R' is not a state, input, parameter or term; did you mean 'F_r'?",
         ),
         (lambda: spring(terms={"f_S": F_r + c_r * y}), "terms: f_S: no equation uses it; did you mean 'f_s'?"),
         (lambda: spring(terms={"f_s": "F_r + c_r*y"}), "terms: f_s = 'F_r + c_r*y': a SymPy expression"),
@@ -196,7 +198,10 @@ def test_values_outside_their_range_are_refused_with_the_range():
             lambda: element(states={"z_2": OwnState("m", "deflection", scale=1e-4, start="P_0")}),
             "state z_2: start = 'P_0' has the unit Pa, the state has m.",
         ),
-        (lambda: stiff(0.5, "N/m", "x", (1, 1e4)), "parameter K_2: default = 0.5 N/m: it is at least 1 and at most"),
+        (
+            lambda: stiff(0.5, "N/m", "x", (1, 1e4)),
+            "parameter K_2: default = 0.5 N/m: it must be at least 1 and at most",
+        ),
         (lambda: stiff("much", "N/m", "x", (0, 1e9)), "parameter K_2: default = 'much': a number is needed."),
         (lambda: element(rates=[v]), "rates = [v]: a dictionary by name is needed."),
         (lambda: spring(without="z"), "without = 'z': a tuple of names is needed, ('z',)."),

@@ -64,14 +64,14 @@ def test_a_state_of_another_calibration_or_method_is_refused(joint, plant, tmp_p
     others = observer(plant.replace({"F_C": 150.0})), observer(plant, supply_std=0.02)
     for first, second in (*permutations(methods, 2), *((joint, other) for other in others)):
         write_state(first, start(first), tmp_path / "state.toml")
-        with pytest.raises(ParameterError, match="of another calibration or method; give the calibration and method"):
+        with pytest.raises(ParameterError, match="from another calibration or method; give the calibration and method"):
             read_state(second, tmp_path / "state.toml")
 
 
 @pytest.mark.parametrize("text", ["number = 3", "[observer]\nformat = 99", "format"])
 def test_a_file_that_is_no_state_is_refused_with_its_name(joint, tmp_path, text):
     (tmp_path / "state.toml").write_text(text)
-    with pytest.raises(ParameterError, match=r"state\.toml: is no "):
+    with pytest.raises(ParameterError, match=r"state\.toml: is not an? "):
         read_state(joint, tmp_path / "state.toml")
 
 

@@ -36,7 +36,7 @@ def test_a_changed_entry_is_noticed_by_the_checksum(joint, state, tmp_path, befo
     text = path.read_text()
     assert before in text
     path.write_text(text.replace(before, after, 1))
-    with pytest.raises(ParameterError, match=r"state\.toml: the state of an observer is damaged \(it was changed"):
+    with pytest.raises(ParameterError, match=r"state\.toml: the observer state is damaged \(it was changed"):
         read_state(joint, path)
 
 
@@ -75,11 +75,11 @@ def inputs(**records):
         (lambda s: {"T": spoiled(s.T, np.nan)}, "parameters has a value that is not finite"),
         (lambda s: {"T": s.T[:, :-1]}, "cannot reshape"),
         (lambda s: {"T": s.T.T, "filter": s.filter._replace(T=s.T.T)}, "a root is not lower triangular"),
-        (lambda _: {"wear": np.array([-1])}, "what the parameters have still to gain is below 0"),
-        (lambda _: {"wear": np.array([5])}, "a correction that is under way"),
-        (lambda s: {"sound": s.sound._replace(wear=np.array([-1]))}, "have still to gain is below 0"),
+        (lambda _: {"wear": np.array([-1])}, "the remaining gain of the parameters is below 0"),
+        (lambda _: {"wear": np.array([5])}, "a pending correction"),
+        (lambda s: {"sound": s.sound._replace(wear=np.array([-1]))}, "the remaining gain of the parameters is below 0"),
         *(
-            (lambda s, due=due: {"filter": s.filter._replace(due=np.array([due]))}, "a correction that is under way")
+            (lambda s, due=due: {"filter": s.filter._replace(due=np.array([due]))}, "a pending correction")
             for due in (-1, 2, 4, 6, 8)
         ),
         (lambda s: {"T": 0.0 * s.T, "filter": s.filter._replace(T=0.0 * s.T)}, "a root has a row of zeros"),
@@ -87,33 +87,33 @@ def inputs(**records):
         (lambda s: {"sound": s.sound._replace(theta=s.theta + np.inf)}, "sound has a value that is not finite"),
         (lambda s: {"filter": s.filter._replace(S=0.0 * s.filter.S)}, "S is 0"),
         (lambda s: {"filter": s.filter._replace(x=spoiled(s.filter.x, np.nan))}, "filter has a value that is not"),
-        (lambda s: {"filter": None}, "not of the same stretch"),
-        (lambda _: {"number": -5}, "number is no number of at least 0"),
-        (lambda _: {"number": 0.5}, "number is no number of at least 0"),
-        (lambda _: {"nis": mismatch_from(-1.0)}, "mismatch -1 is not of at least 0"),
+        (lambda s: {"filter": None}, "do not belong together"),
+        (lambda _: {"number": -5}, "number is not a number of at least 0"),
+        (lambda _: {"number": 0.5}, "number is not a number of at least 0"),
+        (lambda _: {"nis": mismatch_from(-1.0)}, "mismatch -1 is not at least 0"),
         (lambda _: {"excess": "1"}, "excess is no number"),
         (lambda _: {"leaking": 1}, "leaking is neither true nor false"),
         (lambda _: {"zero": 7.0}, "has moved by more than 0.005 m"),
         (lambda s: {"deviations": spoiled(s.deviations, -1.0)}, "a standard deviation is below 0"),
-        (lambda _: {"strokes": -1}, "strokes is no number of at least 0"),
+        (lambda _: {"strokes": -1}, "strokes is not a number of at least 0"),
         (lambda s: {"tail": s.tail._replace(time=spoiled(s.tail.time, np.nan))}, "tail has a value that is not finite"),
         (lambda s: {"tail": s.tail._replace(time=s.tail.time[::-1])}, "the times of tail do not increase"),
         (lambda s: {"tail": s.tail._replace(duties=spoiled(s.tail.duties, 7.0))}, "a duty cycle of tail is outside"),
         (lambda s: {"tail": s.tail._replace(position=s.tail.position[1:])}, "different lengths"),
-        (inputs(intake={"unzeroed": 1}), "the position has no zero, and no jump"),
+        (inputs(intake={"unzeroed": 1}), "the zero of the position is unknown, but it has not jumped"),
         (inputs(intake={"driven": 2}), "a mark is neither 0 nor 1"),
-        (inputs(intake={"air": 5.0}), "is no temperature of the air"),
+        (inputs(intake={"air": 5.0}), "is not a temperature of air"),
         (inputs(rest={"shift": np.nan}), "has moved by more than 0.005 m"),
         (inputs(rest={"lowest": 1e300}), "a vented rest lies above 0.003 m"),
-        (inputs(rest={"n_returned": 9}), "more of a vented rest is remembered than can be"),
-        (inputs(rest={"n_bin": 10}), "more of a vented rest is remembered than can be"),
+        (inputs(rest={"n_returned": 9}), "more samples of a vented rest are stored than is possible"),
+        (inputs(rest={"n_bin": 10}), "more samples of a vented rest are stored than is possible"),
         (lambda s: {"inputs": s.inputs._replace(bin=s.inputs.bin + np.inf)}, "rest has a value that is not finite"),
-        (inputs(rest={"vents": -1}), "vents is no number of at least 0"),
+        (inputs(rest={"vents": -1}), "vents is not a number of at least 0"),
     ],
 )
 def test_a_value_that_no_observer_has_is_refused_whatever_the_checksum(joint, state, tmp_path, change, reason):
     write_state(joint, state._replace(**change(state)), tmp_path / "state.toml")
-    with pytest.raises(ParameterError, match="the state of an observer is damaged") as caught:
+    with pytest.raises(ParameterError, match="the observer state is damaged") as caught:
         read_state(joint, tmp_path / "state.toml")
     assert reason in str(caught.value)
     assert len(str(caught.value).splitlines()) == 1

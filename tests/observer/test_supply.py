@@ -112,11 +112,14 @@ def test_a_column_that_cannot_be_used_is_one_sentence(plant, usual_supply, lower
     for made, reason in (
         (observer(plant), "does not have it; record it there too"),
         (observer(plant, calibration=calibration(9e5, None)), "was saved before observers used it"),
-        (observer(Actuator(model="isothermal"), calibration=usual_supply), "the model has a constant one"),
+        (
+            observer(Actuator(model="isothermal"), calibration=usual_supply),
+            ("the supply pressure of the model is constant"),
+        ),
     ):
         (sentence,) = unused_conditions(made, lower)
         assert reason in sentence
-        assert "Less supply is taken for a larger load." in sentence
+        assert "A lower supply pressure then looks like a larger load." in sentence
 
 
 def test_a_recorded_supply_that_the_calibration_lacks_is_not_called_missing(plant, usual_supply, lower):

@@ -123,8 +123,8 @@ def test_a_recording_without_the_edges_of_on_off_valves_is_refused_in_one_senten
             whole, switched, free=("load",), request=clutchid.FitRequest(calibration=Calibration((), np.zeros((0, 0))))
         )
     assert str(caught.value) == (
-        "bus: a sample every 10 ms does not show when the on/off valves switch, and the load would have errors of tens "
-        "of percent; record at 1 kHz."
+        "bus: a sample every 10 ms does not show when the on/off valves switch, so the load would have errors of "
+        "tens of percent; record at 1 kHz."
     )
 
 

@@ -9,7 +9,7 @@ from clutchid.preparation.inspection import inspect
 from clutchid.preparation.prepare import with_usable_samples
 from clutchid.simulation import simulate
 
-SENTENCE = "position: 2 samples beyond the stops, the first at 0.700 s (65.53 mm), taken as missing."
+SENTENCE = "position: 2 samples beyond the stops, the first at 0.700 s (65.53 mm), treated as missing."
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_a_fit_says_it_and_its_errors_are_those_without_the_samples(plant, spike
 
 
 def test_a_position_with_two_zeros_is_refused_with_what_to_do(plant, drive_log, zeroed_anew):
-    words = "jumps at 3.000 s and stays, .* cut the recording there, and read its parts one by one"
+    words = "jumps at 3.000 s and stays there, .* cut the recording there, and estimate its parts one by one"
     with pytest.raises(DataError, match=words):
         with_usable_samples([drive_log, zeroed_anew], plant)
     with pytest.raises(DataError, match=words):

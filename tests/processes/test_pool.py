@@ -40,7 +40,7 @@ def test_what_ends_its_worker_is_named_and_all_else_is_done_once():
         "SIGKILL": "killed", "SIGSEGV": "killed", "slow": "timed_out", "memory": "killed", "error": "failed",
     }  # fmt: skip
     said = {kind: by_item[kind, n].message for kind, n in bad}
-    assert "(SIGKILL, as where memory runs out), twice" in said["SIGKILL"]
+    assert "(SIGKILL, as happens when memory runs out), twice" in said["SIGKILL"]
     assert "(SIGSEGV), twice" in said["SIGSEGV"]
     assert "took longer than 5 s" in said["slow"]
     (slow,) = (work.timing for work in finished if work.item == ("slow", 102))

@@ -117,7 +117,7 @@ def test_samples_that_a_logger_repeats_in_all_channels_are_missing_also_the_inpu
     for name in ("position", "pressure_a", *INPUTS):
         assert np.array_equal(np.flatnonzero(np.isnan(checked.log[name])), np.arange(at + 1, at + length)), name
     assert [fault.kind for fault in checked.faults] == ["repeated"]
-    assert f"{length - 1} samples that repeat the ones before" in checked.faults[0].sentence
+    assert f"{length - 1} samples that repeat the samples before them" in checked.faults[0].sentence
     # a sensor that is stuck alone is for the checks
     stuck = log.with_columns(position=columns["position"], pressure_a=columns["pressure_a"])
     moving = np.ptp(log["duty_supply"][at : at + length]) + np.ptp(log["duty_exhaust"][at : at + length]) > 0.0

@@ -185,16 +185,26 @@ def test_a_flat_rest_shows_the_zero_of_the_sensor(zero, metadata, phases):
 @pytest.mark.parametrize(
     ("zero", "metadata", "sentence"),
     [
-        (8.5e3, GAUGE, "pressure_a settles at 0.085 bar(g) with the chamber vented: the sensor's zero is off by +0.085 "
-         "bar; taken off."),
-        (-2e4, GAUGE, "pressure_a settles at -0.200 bar(g) with the chamber vented: the sensor's zero is off by -0.200 "
-         "bar; taken off."),
-        (3e4, STATED, "pressure_a settles at 1.300 bar with the chamber vented, where the air has 1 bar: the sensor's "
-         "zero is off by +0.300 bar; taken off."),
-        (3e4, UNSTATED, "pressure_a settles at 1.300 bar with the chamber vented, where the air has about 1.03 bar: "
-         "the sensor's zero is off by +0.270 bar; taken off."),
-        (-2e4, UNSTATED, "pressure_a settles at 0.800 bar with the chamber vented: by altitude, as a calibration takes "
-         "it, or the sensor's zero is off by -0.23 bar; give the air pressure of the place, --ambient."),
+        (8.5e3, GAUGE, (
+            "pressure_a settles at 0.085 bar(g) with the chamber vented: the zero of the sensor is off by +0.085 "
+            "bar, which is subtracted."
+        )),
+        (-2e4, GAUGE, (
+            "pressure_a settles at -0.200 bar(g) with the chamber vented: the zero of the sensor is off by -0.200 "
+            "bar, which is subtracted."
+        )),
+        (3e4, STATED, (
+            "pressure_a settles at 1.300 bar with the chamber vented, where the ambient pressure is 1 bar: the zero "
+            "of the sensor is off by +0.300 bar, which is subtracted."
+        )),
+        (3e4, UNSTATED, (
+            "pressure_a settles at 1.300 bar with the chamber vented, where the ambient pressure is about 1.03 bar: "
+            "the zero of the sensor is off by +0.270 bar, which is subtracted."
+        )),
+        (-2e4, UNSTATED, (
+            "pressure_a settles at 0.800 bar with the chamber vented: the reason is altitude, as a calibration "
+            "assumes, or the zero of the sensor is off by -0.23 bar; give the ambient pressure with --ambient."
+        )),
     ],
     ids=["gauge", "gauge below 0", "--ambient", "above all air", "altitude"],
 )  # fmt: skip

@@ -195,7 +195,7 @@ def test_track_reads_what_its_table_names_and_no_table_as_a_recording(tmp_path, 
     assert messages[2] == "the table names it, but its file is not there."
     assert tracked.left_out == "2 files are not read as recordings: 2 .toml."
     problems = {job.recording: job.problem for job in recordings_of([tmp_path / "a.csv"], read_table(table))[0]}
-    assert problems["b.bin"] == "the table names it, but it is none of the recordings of this command."
+    assert problems["b.bin"] == "the table names it, but it is not among the recordings of this command."
 
 
 @pytest.mark.slow
@@ -209,8 +209,8 @@ def test_warnings_about_times_reach_the_rows_of_a_fleet(tmp_path, cal, still, mo
         clutchid.write(log, tmp_path / "fleet" / "V1" / f"{name}.parquet")
     run = clutchid.fleet(tmp_path / "fleet", cal, tmp_path / "out", verb="track")
     rows = pl.read_parquet(tmp_path / "out" / "vehicles" / "V1.parquet")
-    restarted = "its clock says 1970-01-01, so it had restarted, and is not used."
-    unknown = "no time in the file, the table or the name; put after the others."
+    restarted = "its clock shows 1970-01-01: it was reset, so its date is not used."
+    unknown = "no time in the file, the table or the name; placed after the others."
     assert dict(rows.select("recording", "warnings").rows()) == {"a": f"{restarted} {unknown}", "b": "", "c": unknown}
     wear = clutchid.track(tmp_path / "fleet" / "V1", cal).wear
     assert pl.read_parquet(tmp_path / "out" / "vehicles.parquet")["warnings"].to_list() == [" ".join(wear.warnings)]

@@ -100,4 +100,4 @@ def test_the_command_drives_a_fleet(tmp_path, capsys):
     (path, *_) = (tmp_path / "fleet" / "recordings").rglob("*.parquet")
     assert "pressure_supply" not in clutchid.read(path)
     assert called("drive", *options, "--out", tmp_path / "other", "--wear", "1") == 2
-    assert "--wear: belongs to a single recording" in capsys.readouterr().err
+    assert "--wear is for a single recording" in capsys.readouterr().err

@@ -31,8 +31,9 @@ def test_the_clock_of_the_file_counts_before_the_table_and_the_name():
     assert history.axis == "days"
     assert history.s == pytest.approx([0.0, 1.0, 34.17021], abs=1e-4)
     assert history.warnings == (
-        "b_2026-03-01: the file is of 2026-02-03 04:05, the table says 2026-01-05 00:00; the file counts.",
-        "b_2026-03-01: its name is of 2026-03-01, the file of 2026-02-03; the file counts.",
+        "b_2026-03-01: the file is dated 2026-02-03 04:05 and the table says 2026-01-05 00:00; the date of the file "
+        "is used.",
+        "b_2026-03-01: its name says 2026-03-01 and the file says 2026-02-03; the date of the file is used.",
     )
 
 
@@ -40,14 +41,16 @@ def test_a_name_that_agrees_to_a_day_is_no_contradiction():
     for clock in ("2026-03-01T23:59:00+00:00", "2026-02-28T11:00:00+00:00", "2026-03-02T20:00:00+00:00"):
         assert not history_of([clock], "b_2026-03-01").warnings
     (warning,) = history_of([""], RecordingJob("b_2026-03-01", begin=datetime(2026, 3, 9, tzinfo=UTC))).warnings
-    assert warning == "b_2026-03-01: its name is of 2026-03-01, the table of 2026-03-09; the table counts."
+    assert warning == (
+        "b_2026-03-01: its name says 2026-03-01 and the table says 2026-03-09; the date of the table is used."
+    )
 
 
 def test_a_clock_that_restarted_is_not_used():
     may, april = (RecordingJob(name, begin=datetime(2026, k, 1, tzinfo=UTC)) for name, k in (("a", 5), ("b", 4)))
     history = history_of(["1970-01-01T03:00:00", ""], may, april)
     assert history.order == (1, 0)
-    assert history.warnings == ("a: its clock says 1970-01-01, so it had restarted, and is not used.",)
+    assert history.warnings == ("a: its clock shows 1970-01-01: it was reset, so its date is not used.",)
 
 
 def test_strokes_are_the_axis_before_distance_and_time():
@@ -57,7 +60,7 @@ def test_strokes_are_the_axis_before_distance_and_time():
     assert history_of(days, job("a", odometer=100.0), job("b", odometer=150.0)).axis == "km"
     back = history_of(days, job("a", strokes=9.0), job("b", strokes=5.0))
     assert back.axis == "days"
-    assert back.warnings == ("strokes goes back at b, and is not used for the trend.",)
+    assert back.warnings == ("strokes decreases at b and is not used for the trend.",)
 
 
 def test_without_any_time_the_names_are_sorted_as_people_count():
@@ -66,7 +69,7 @@ def test_without_any_time_the_names_are_sorted_as_people_count():
     assert history.warnings == ("no recording has a time; they are taken in the order of their names.",)
     some = history_of(["", ""], "a", "b_20260102")
     assert some.order == (1, 0)
-    assert "put after the others" in some.warnings[0]
+    assert "placed after the others" in some.warnings[0]
 
 
 def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
@@ -79,7 +82,11 @@ def test_a_table_is_read_by_stem_and_says_all_that_is_wrong(tmp_path):
     path.write_text("recording,date,strokes\na,yesterday,1\nb,,many\nc,,1\nc,,2\n")
     with pytest.raises(DataError) as error:
         read_table(path)
-    for text in ("line 2: date 'yesterday' is no ISO date", "line 3: strokes 'many'", "line 5: 'c' stands there twice"):
+    for text in (
+        ("line 2: date 'yesterday' is not an ISO date"),
+        "line 3: strokes 'many'",
+        "line 5: 'c' is listed twice",
+    ):
         assert text in str(error.value)
     path.write_text("name\na\n")
     with pytest.raises(DataError, match="has no column 'recording', only 'name'"):
@@ -134,5 +141,5 @@ def test_a_table_is_a_plain_file_of_limited_size(tmp_path, monkeypatch, read):
             read(path)
     monkeypatch.setattr("clutchid.wear.tables._LARGEST", 100)
     (tmp_path / "large.csv").write_text("recording\n" + "a\n" * 100)
-    with pytest.raises(DataError, match=r"is no table: it has more than 0\.0001 MB"):
+    with pytest.raises(DataError, match=r"is not a table: it has more than 0\.0001 MB"):
         read(tmp_path / "large.csv")

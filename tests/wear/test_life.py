@@ -57,7 +57,7 @@ def test_what_is_not_sure_is_no_alarm_and_waits(with_table):
     wear = leaking_life(with_table=with_table, count=10)
     assert wear.alarms == ()
     assert wear.outcomes[9] == "left out"
-    assert "the next recordings will say" in wear.rows[9].reason
+    assert "the next recordings will show" in wear.rows[9].reason
 
 
 def test_a_change_between_fault_and_new_clutch_is_unknown():
@@ -68,9 +68,9 @@ def test_a_change_between_fault_and_new_clutch_is_unknown():
     (alarm,) = wear.alarms
     assert (alarm.kind, alarm.before) == ("unknown", "r30")
     assert alarm.probability >= 0.95
-    assert "which the recordings so far do not tell apart" in alarm_words(alarm)
+    assert "the recordings so far do not show which" in alarm_words(alarm)
     assert wear.left is None
-    assert left_words(wear) == "unknown after the load changed before r30: find the cause"
+    assert left_words(wear) == "unknown, because the load changed before r30; find the cause"
 
 
 def test_a_rate_is_known_from_readings_and_not_after_a_sudden_change():
@@ -169,7 +169,7 @@ def test_files_without_a_reading_change_nothing_of_a_life(axis, kind):
     assert together.recordings == (37 if is_recording else 12)
     assert {row.outcome for row in together.rows[12:]} == {"missing"}
     assert all(row.reason for row in together.rows[12:]) or kind == "copy"
-    words = "12 of 37 count, 25 without a measurement" if is_recording else "25 other files are no recording or a copy"
+    words = "12 of 37 count, 25 without a measurement" if is_recording else "25 other files, not a recording or a copy"
     assert words in recordings_words(together)
 
 

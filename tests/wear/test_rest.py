@@ -77,7 +77,7 @@ def test_a_sensor_that_moves_is_an_alarm_of_its_own_and_no_wear():
     (alarm,) = life.alarms
     assert (alarm.kind, alarm.after, alarm.before) == ("sensor moved", "r14", "r15")
     assert alarm.rest == pytest.approx(3e-4)
-    assert "vented rest by +0.30 mm, which is no wear" in alarm_words(alarm)
+    assert "vented rest moved by +0.30 mm; this is not counted as wear" in alarm_words(alarm)
     assert life.left is not None
     assert [rest.cause for rest in life.rests].count("sensor") == 1
 
@@ -87,8 +87,8 @@ def test_what_is_left_is_unknown_after_a_sudden_change():
     life = life_of(shifts, np.zeros(40))
     assert [alarm.kind for alarm in life.alarms] == ["sudden"]
     assert life.left is None
-    assert left_words(life) == "unknown after the load changed suddenly before r20: find the cause"
-    assert any("unknown after" in line for line in wear_lines(life))
+    assert left_words(life) == "unknown, because the load changed suddenly before r20; find the cause"
+    assert any("unknown, because" in line for line in wear_lines(life))
 
 
 def test_a_life_without_an_end_in_sight_is_said_without_a_number_of_strokes():

@@ -152,7 +152,7 @@ def _short_help(application: App, name: str) -> Iterator[str]:
                 yield f"{title}:"
             group, sentence = title, f"{a.parameter.help}".partition(". ")[0].replace("`", "").rstrip(".")
             yield f"  {a.name:<10} {sentence}."
-    yield from wrap(f"More options, by `clutchid {name} --help all`: {', '.join(_RARE)}", TERMINAL_WIDTH)
+    yield from wrap(f"More options, listed by `clutchid {name} --help all`: {', '.join(_RARE)}", TERMINAL_WIDTH)
 
 
 def _fraction(application: App, tokens: Sequence[str]) -> str:
@@ -176,7 +176,7 @@ def _sentence(error: CycloptsError) -> str:
         case RepeatArgumentError(token=token):
             return f"{token.keyword} is given more than once."
         case UnknownCommandError(unused_tokens=tokens):
-            return f"{next(iter(tokens or ()), '')}: is no command; there are {', '.join(_USAGES)}."
+            return f"{next(iter(tokens or ()), '')} is not a command; the commands are {', '.join(_USAGES)}."
         case UnusedCliTokensError(unused_tokens=tokens):
             return f"{' '.join(tokens or ())}: not expected here."
         case CoercionError(target_type=wanted, token=token) if token and wanted in _NUMBERS:

@@ -46,10 +46,10 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 #: Files that an interrupted command leaves, and how to go on, by its name; others write their files at the end.
 _KEPT = {
-    "fleet": "what has been read is kept in {out}; the same command goes on from there.",
-    "drive --fleet": "{out} has a part of the fleet, without its tables; remove it, and give the same command again.",
+    "fleet": "the results so far are kept in {out}; run the same command again to continue.",
+    "drive --fleet": "{out} has only a part of the fleet, and no tables; delete it and run the same command again.",
 }
-_STARTS_AGAIN = "no file is left half-written; the same command starts from the beginning."
+_STARTS_AGAIN = "no incomplete file was left behind; run the same command again to start from the beginning."
 
 
 def guarded(command: Callable[P, int]) -> Callable[P, int]:

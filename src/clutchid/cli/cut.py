@@ -22,14 +22,14 @@ def cut(
 ) -> int:
     """Cut a long recording into strokes and rests, and write those with the most information about the load.
 
-    The recording is read in pieces, so that a day at 1 kHz needs no more memory than a minute.
+    The recording is read in pieces, so a day at 1 kHz needs no more memory than a minute.
 
     Parameters
     ----------
     recording
         Recording in any format that `clutchid look` reads.
     out
-        Selected strokes as one recording with holes between them (.parquet, .csv, .mf4 or .mat), for `fit`.
+        Selected strokes as one recording with gaps between them (.parquet, .csv, .mf4 or .mat), for `fit`.
     seconds
         Greatest total length of the selected strokes in s.
     debug
@@ -44,7 +44,7 @@ def cut(
     put(", ".join(f"{count:,} {label}" for label, count in best.counts))
     say(best.divisions)
     if best.log is None:
-        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing is written.")
+        raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing was written.")
     write_log(best.log, out)
     put(best.chosen)
     print_written(out)

@@ -40,7 +40,7 @@ class FleetOptions:
     types
         Number of truck types in a fleet; the vehicles take them in turn.
     days
-        Mean time from a recording of a vehicle to the next.
+        Mean time between two recordings of a vehicle, in days.
     workers
         Number of processes for a fleet; does not affect the results.
     no_supply
@@ -93,7 +93,7 @@ def drive(
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
-    """Make a recording of a virtual truck, which has more physics than the model, and whose load is known.
+    """Make a recording of a virtual truck, whose load is known and which has more physics than the model.
 
     With --fleet, many vehicles in service: recordings over months and seasons, in which supplies drift, clutches wear
     and are replaced, sensors are exchanged, leaks begin and files go wrong.
@@ -103,8 +103,7 @@ def drive(
     out
         Recording to write (.csv or .parquet); with --fleet a new folder.
     family
-        A, or B: another plant with other valves, air, friction, springs and sensors; or h:SEED, a hybrid that has
-        parts of both.
+        A; B, which has other valves, air, friction, springs and sensors; or h:SEED, a hybrid with parts of both.
     truck
         Number of the truck type, with --fleet of the first one; the same number is always the same truck.
     seed
@@ -125,23 +124,23 @@ def drive(
         What has changed since the calibration: supply, cold, warm, valves or seals; may be repeated.
     truth
         JSON file to write: the true load over the travel from the vented rest, supply pressure, wear, temperature,
-        touch point, and by how much the sensor reads more than that travel (rest_shift_m).
+        touch point, and the offset of the sensor from that travel (rest_shift_m).
     pressure
         Record the chamber pressure as well.
     conditions
-        Record ambient temperature and supply pressure as well, as sensors with offset and noise show them.
+        Record ambient temperature and supply pressure as well, with offset and noise of their sensors.
     bus
         Record on the bus at 100 Hz with its own clock, instead of in the controller at 1 kHz.
     dropouts
         Number of intervals of 5 to 60 ms without measurements.
     offset
-        Offset of the position sensor in mm, which the controller reads too, as after an exchange or with a bent
+        Offset of the position sensor in mm, also for the controller, as after a replacement or with a bent
         bracket.
     sensor_zero
-        learned: the sensor reads 0 at the vented rest of this recording; kept: at that of the new clutch, from which
-        the rest falls with wear. That of the truck by default: learned, or for a hybrid either.
+        learned: the sensor reads 0 at the vented rest of this recording; kept: it reads 0 at the rest of the new
+        clutch, and the rest falls with wear. By default that of the truck: learned, or for a hybrid either.
     late
-        Delay of the recorded duty cycles against the position in whole ms.
+        Delay of the recorded duty cycles relative to the position, in whole ms.
     json
         Print one JSON object on standard output.
     debug
@@ -183,4 +182,6 @@ def _check_no_single(single: VirtualRecording, truth: Path | None) -> None:
     if extra or truth:
         option = {"pressure": "no-pressure", "recorder": "bus"}.get(extra[0], extra[0]) if extra else "truth"
         option = option.replace("_", "-")
-        raise ParameterError(f"--{option}: belongs to a single recording; the events of a fleet are drawn by --seed.")
+        raise ParameterError(
+            f"--{option} is for a single recording; the events of a fleet are drawn at random from --seed."
+        )

@@ -55,27 +55,27 @@ def export(
     calibration
         Parameter file (TOML), as written by `clutchid calibrate --save`.
     out
-        Folder to write; it is made.
+        Folder to write; it is created.
     to
-        What is written, comma-separated: c, fmu2, fmu3, matlab, a2l, dbc.
+        Targets, comma-separated: c, fmu2, fmu3, matlab, a2l, dbc.
     method
-        Method of the observer, as of `clutchid observe`.
+        Method of the observer, as in `clutchid observe`.
     real
         Type of every number in C.
     rates
-        one: everything in the task of a sample; two: corrections in a slower task.
+        one: everything in the fast task; two: corrections in a slower task.
     name
-        Before every name in C.
+        Prefix of every name in C.
     resume
-        State of an observer, as written by `clutchid observe --save`: the export goes on from what it has learnt.
+        State of an observer, as written by `clutchid observe --save`: the export continues from this state.
     check
         Recordings on which C and Python are compared; by default a short simulated drive.
     model
         Write the actuator with its load as an FMU too, for `--to fmu2` or `fmu3`.
     supply_std
-        Standard deviation of a supply pressure that is not recorded, as of `clutchid observe`.
+        Standard deviation of a supply pressure that is not recorded, as in `clutchid observe`.
     supply_sensor_std
-        That of a recorded one: 0.02 to 0.03 for a signal of the bus.
+        The same for a recorded supply pressure: 0.02 to 0.03 for a bus signal.
     json
         Print one JSON object on standard output.
     debug

@@ -100,7 +100,7 @@ class FitOptions:
     verify
         Recordings to simulate with the result, but not to fit.
     force
-        Fit although a check of the recording is bad. The checks are those of `clutchid look`.
+        Fit even if a check of the recording is bad. The checks are those of `clutchid look`.
     save
         Write the result as .toml, for --start, or as .mat, for MATLAB. `simulate` reads .toml too, Octave and Simulink
         .mat; may be given several times.
@@ -146,17 +146,17 @@ _DEFAULTS = FitOptions()
 
 @guarded
 def fit(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
-    """Estimate the load, and any other parameters, by any method; without options, by that of the paper.
+    """Estimate the load, and any other parameters, with any method; without options, with the method of the paper.
 
-    The general command; `calibrate` and `estimate` are for every day. Without options it assumes the truck of the
-    paper (Appendix A), simulates the recording from its start to its end, and fits three weights of the load to the
-    position; ± is then noise only, because the error of what is assumed is not in it.
+    This is the general command; `calibrate` and `estimate` are for everyday use. Without options it assumes the truck
+    of the paper (Appendix A), simulates the recording from its start to its end, and fits three weights of the load to
+    the position; ± then includes only noise, not errors of the assumed parameters.
 
     Parameters
     ----------
     logs
-        Recordings, before all options that take several values. They have columns `time [s]`, `position [m]`,
-        `duty_supply [1]`, `duty_exhaust [1]`, or any format with a --map. --verify, --bounds and --dbc take all
+        Recordings, before all options that take several values. They need the columns `time [s]`, `position
+        [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or a --map. --verify, --bounds and --dbc take all
         arguments that follow.
     """
     return run_fit(options.command("fit", logs), options)
@@ -166,8 +166,8 @@ def run_fit(asked: FitCommand, options: FitOptions) -> int:
     """Fit as asked, print and write the result; the exit code."""
     if not asked.logs:
         raise ParameterError(
-            f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, --bounds, "
-            "--prior, --dbc) take all that follows them: put the recordings first."
+            f"no recording given; clutchid {asked.verb} LOG.csv. Options that take several values (--verify, "
+            "--bounds, --prior, --dbc) take every argument that follows them: put the recordings first."
         )
     from clutchid.documents import write_page
     from clutchid.verbs import saving
@@ -195,35 +195,36 @@ def run_fit(asked: FitCommand, options: FitOptions) -> int:
 def calibrate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     """Calibrate a truck once, from recordings with pressure: its load, valves, friction and sensors.
 
-    Save the calibration, and estimate the load of the worn clutch from position alone with it: `clutchid estimate
-    WORN.csv --start CAL.toml`. It is `clutchid fit --measure position,pressure_a --free auto`.
+    With the saved calibration, estimate the load of the worn clutch from position alone: `clutchid estimate
+    WORN.csv --start CAL.toml`. `calibrate` is the same as `clutchid fit --measure position,pressure_a --free auto`.
 
     Parameters
     ----------
     logs
-        Recordings with pressure, before options that take several values. They have position, duty cycles and
-        `pressure_a`, and are all of one state of wear; --verify, --bounds and --dbc take all arguments that follow.
+        Recordings with pressure, before options that take several values. They need position, duty cycles and
+        `pressure_a`, all from one state of wear; --verify, --bounds and --dbc take all arguments that follow.
     """
     return run_fit(options.command("calibrate", logs), options)
 
 
 @guarded
 def estimate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
-    """Estimate the load from position alone, with a calibration, and what has changed since.
+    """Estimate the load from position alone with a calibration, and later changes.
 
-    The calibration is made once with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. It is `clutchid fit
-    --start CAL.toml --free load`.
+    Make the calibration once, with pressure: `clutchid calibrate CAL.csv --save CAL.toml`. `estimate` is the
+    same as `clutchid fit --start CAL.toml --free load`.
 
     Parameters
     ----------
     logs
-        Recordings, before all options that take several values. They have position and duty cycles, in any format
+        Recordings, before all options that take several values. They need position and duty cycles, in any format
         with a --map; --verify, --bounds and --dbc take all arguments that follow.
     """
     if options.start is None:
         raise ParameterError(
-            "no --start: a load is estimated from position alone with a calibration, clutchid estimate WORN.csv "
-            "--start CAL.toml. It is made once, from a recording with pressure: clutchid calibrate CAL.csv --save "
-            "CAL.toml. Without one, clutchid fit WORN.csv assumes the truck of the paper."
+            "no --start: an estimate of the load from position alone needs a calibration: clutchid estimate "
+            "WORN.csv --start CAL.toml. Make the calibration once, from a recording with pressure: clutchid "
+            "calibrate CAL.csv --save CAL.toml. Without a calibration, clutchid fit WORN.csv assumes the parameters "
+            "of the truck in the paper."
         )
     return run_fit(options.command("estimate", logs), options)

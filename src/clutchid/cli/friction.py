@@ -36,8 +36,7 @@ def friction(
     area
         Slope of the force over the pressure in m², if known; for coulomb.
     fix
-        NAME=VALUE in SI of a parameter that is not estimated (F_C, K_z, D_v, D_zdot, force_zero); for lugre. Several
-        may follow each other.
+        Fixed parameters, NAME=VALUE in SI (F_C, K_z, D_v, D_zdot, force_zero), one or several; for lugre.
     inertia
         Mass in kg between the load cell and the friction, whose acceleration is part of the force; for lugre.
     json

@@ -21,7 +21,7 @@ def look(
     json: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
-    """List what is in a recording, and check it: channels, units, ranges, holes; propose a channel map.
+    """List the contents of a recording (channels, units, ranges, gaps), check it, and propose a channel map.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def look(
     save
         Write the proposed channel map (TOML), to be corrected by hand and given to `fit` and `simulate` with --map.
     start
-        Calibration (TOML) that the recording is compared with: its actuator, and where its vented rest was.
+        Calibration (TOML) with which the recording is compared: the actuator and its vented rest.
     json
         Print one JSON object on standard output.
     debug
@@ -54,7 +54,7 @@ def look(
         proposed = save_proposed(contents, save)
         print_written(save, to=sys.stderr if json else None)
         if not proposed.channels and not json:
-            put("No channel could be identified by its name: the file lists all channels, write the map by hand.")
+            put("No channel could be identified by its name: the saved file lists all channels; write the map by hand.")
         elif contents.needs_map and contents.proposal.open and not json:
-            put(f"{contents.proposal.remedy}, as the lines with - above say, then check the map with --map.")
+            put(f"{contents.proposal.remedy}, as the lines marked - above say, then check the map with --map.")
     return BAD_INPUT if contents.problems else DONE

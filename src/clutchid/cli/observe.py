@@ -49,29 +49,29 @@ class ObserveOptions:
     start
         Calibration (TOML), as written by `clutchid calibrate --save`.
     out
-        States by sample to write (.csv, .parquet, .mf4 or .mat); the load by stroke is written beside it, as
-        FILE.load.parquet for FILE.parquet.
+        Output file with the states of each sample (.csv, .parquet, .mf4 or .mat); the load of each stroke is
+        written beside it, as FILE.load.parquet for FILE.parquet.
     method
         joint: load, wearing parameters and states adapt (the default). states: the load stays as calibrated. paper: the
         paper's three weights.
     save
         State after the last sample to write (TOML), for --resume.
     resume
-        State to go on from, as written by --save with the same calibration and method.
+        State from which to continue, as written by --save with the same calibration and method.
     report
         Write a self-contained HTML page.
     zero
-        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+        Subtract the shift of the vented rest since the calibration from the position, or keep the recorded position.
     supply_std
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it; by
         default 0.03. It widens the bands of load and pressure.
     supply_sensor_std
-        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of
-        0.5 % of 10 bar each, 0.02 to 0.03 for a signal of the bus. It widens the bands of the load.
+        The same for a recorded supply pressure, due to the errors of the sensors in both recordings; by default
+        from 0.5 % of 10 bar each; 0.02 to 0.03 for a bus signal. It widens the bands of the load.
     publish
-        Results of a live recording while it goes on, as JSON lines on standard output.
+        Publish the results of a live recording as JSON lines on standard output.
     force
-        Observe although a check of the recording is bad; the checks are those of `clutchid look`.
+        Observe even if a check of the recording is bad; the checks are those of `clutchid look`.
     json
         Print one JSON object on standard output.
     debug
@@ -111,14 +111,14 @@ def observe(
 ) -> int:
     """Estimate load and pressure sample by sample, as a control unit would, from a file or live.
 
-    The observer starts from the load of a calibration, and only looks back: it is what a control unit could know at
-    each sample.
+    The observer starts from the load of a calibration and uses past samples only, so its results are those that a
+    control unit could have.
 
     Parameters
     ----------
     log
-        Recording in any format that `clutchid look` reads; `-` follows CSV or JSON lines on standard input while they
-        arrive, until they end or Ctrl-C; `can:CHANNEL` follows a bus.
+        Recording in any format that `clutchid look` reads; `-` reads CSV or JSON lines from standard input as they
+        arrive, until the end or Ctrl-C; `can:CHANNEL` reads a bus.
     """
     from clutchid.documents import Observation
     from clutchid.verbs.live.following import follow_live

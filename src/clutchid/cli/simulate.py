@@ -61,7 +61,7 @@ def simulate(
     band
         Recording with pressure of the same actuator with on/off valves; the errors of its simulation give the interval.
     force
-        Simulate although a check of the recording is bad; the checks are those of `clutchid look`.
+        Simulate even if a check of the recording is bad; the checks are those of `clutchid look`.
     json
         Print one JSON object on standard output.
     debug

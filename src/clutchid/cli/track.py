@@ -47,8 +47,8 @@ def track(
 ) -> int:
     """Follow the wear of one clutch through its recordings: trend, replaced clutches, remaining life.
 
-    Every recording is read from position alone, as `clutchid estimate` or `clutchid observe` does. A recording that
-    cannot be read is a row with its reason.
+    Every load is read from position alone, as by `clutchid estimate` or `clutchid observe`. A recording that cannot be
+    read is a row with the reason.
 
     Parameters
     ----------
@@ -57,15 +57,15 @@ def track(
     start
         Calibration (TOML) of its type, as written by `clutchid calibrate --save`.
     out
-        A row a recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
+        Output file with one row per recording, FILE.parquet; the loads are written beside it, as FILE.load.parquet.
     table
         CSV with recording, vehicle, date, odometer_km and strokes, as far as they are known.
     limit
-        Shift of the half-load position in mm that ends the life of the clutch, below 0 if it falls; by default the
-        last row of the table of wear ends it. Without either, what is left is not known.
+        Shift of the half-load position in mm that ends the life of the clutch, negative if the position falls; by
+        default from the last row of the wear table. Without either, the remaining life is unknown.
     wear_table
-        CSV with wear [mm], half_load [mm] and load [N] of this type, as from a test rig: gives the wear of the facing.
-        By default CAL.wear.csv beside the calibration CAL.toml, if it is there.
+        CSV with wear [mm], half_load [mm] and load [N] of this type, for example from a test rig; it gives the wear of
+        the facing. By default CAL.wear.csv beside the calibration CAL.toml, if it is there.
     by
         What reads the recordings: estimate, or observe at a fifteenth of the time, for recordings with the supply
         pressure; auto observes where that can be trusted, and estimates the others and what the trend does not expect.
@@ -74,7 +74,7 @@ def track(
     workers
         Number of processes; does not affect the results.
     zero
-        Subtract from the position how far the vented rest has moved since the calibration, or keep it as recorded.
+        Subtract the shift of the vented rest since the calibration from the position, or keep the recorded position.
     json
         Print one JSON object on standard output.
     debug

@@ -194,7 +194,7 @@ def c99_source(
     Raises
     ------
     ValueError
-        If `real` is neither "double" nor "float", the system's name is no C identifier, or a parameter is not one of
+        If `real` is neither "double" nor "float", the system's name is not a C identifier, or a parameter is not one of
         the system's.
     NotImplementedError
         If an expression uses a function that is not printed, see `clutchid.codegen.language`.
@@ -202,7 +202,7 @@ def c99_source(
     if real not in C_LANGUAGES:
         raise ValueError(f"real = {real!r}: known are {', '.join(C_LANGUAGES)}.")
     if not re.fullmatch(r"[A-Za-z]\w*", system.name, re.ASCII):
-        raise ValueError(f"{system.name!r} is no C identifier: letters, digits and underscores are allowed.")
+        raise ValueError(f"{system.name!r} is not a C identifier: letters, digits and underscores are allowed.")
     unknown = sorted(set(derivatives or ()) - set(system.parameter_names()))
     if unknown:
         raise ValueError(f"{system.name} has no parameter {', '.join(unknown)}, so no derivatives to it.")

@@ -1,4 +1,4 @@
-"""Numba kernels of a system: a run, a run with exact sensitivities, and the linearisation."""
+"""Numba kernels of a system: a run, a run with its sensitivities, and the linearisation."""
 
 from __future__ import annotations
 

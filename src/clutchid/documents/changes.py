@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 
 from clutchid.documents.style import BAR
+from clutchid.documents.tables import scientific
 from clutchid.estimation import Change, Fit
 from clutchid.estimation.assess.rest import Cause, MovedRest, moved_rests
 from clutchid.estimation.assess.verdict import states_of_wear, verdict
@@ -13,9 +14,9 @@ from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.identifiability import in_words
 
 _CAUSE: dict[Cause, str] = {
-    "sensor": "the position sensor or its bracket has moved, or was exchanged",
-    "wear": "wear, by which the travel to the far stop has grown as much",
-    "unknown": "wear or the position sensor; several recordings in clutchid track decide",
+    "sensor": "the position sensor or its bracket has moved or was replaced",
+    "wear": "wear: the travel to the far stop has grown by the same amount",
+    "unknown": "wear or the position sensor; `clutchid track` with several recordings can tell which",
 }
 
 
@@ -26,7 +27,7 @@ def rest_sentences(fit: Fit) -> list[str]:
 
 def rest_words(rest: MovedRest) -> str:
     """Shift of a rest, its cause, and its correction."""
-    correction = "subtracted, so that the load is over the travel from the rest" if rest.subtracted else "kept"
+    correction = "subtracted, so the load is given over the travel from the rest" if rest.subtracted else "kept"
     return f"the vented rest has moved by {rest.shift} since the calibration ({_CAUSE[rest.cause]}); {correction}"
 
 
@@ -72,13 +73,13 @@ def _assumed(assumption: Assumption, per_supply: float | None, of: int) -> str:
         else f"{assumption.value - 273.15:.0f} ± {assumption.half_width:.0f} °C"
     )
     text = f"{'supply pressure' if supply else 'air temperature'} not recorded"
-    text += f"{' in the calibration' if assumption.recorded else where}: as calibrated, {value}"
+    text += f"{' in the calibration' if assumption.recorded else where}: the calibrated value is assumed, {value}"
     if not supply or per_supply is None:
         return text
-    text += "; outside that range the band is wrong, which the position alone cannot show"
+    text += "; outside this range the band is wrong, and the position alone cannot show that"
     return (
-        f"{text}; a supply 1 % higher changes this load by {per_supply:.1f} %. Record pressure_supply here and in the "
-        "calibration: the band is then half as wide"
+        f"{text}; a 1 % higher supply pressure changes this load by {per_supply:.1f} %. Record pressure_supply here "
+        "and in the calibration to halve the band"
     )
 
 
@@ -90,10 +91,10 @@ def change_sentences(fit: Fit) -> list[str]:
     if fit.changes and states_of_wear(fit) is not None:
         groups = in_words(list(dict.fromkeys(change.group for change in fit.changes)))
         return [
-            f"one load cannot fit several states of wear, and the difference went into {groups}: that is no change of "
-            "the actuator; read the recordings one by one."
+            f"one load cannot fit several states of wear, and the fit attributed the difference to {groups}: the "
+            "actuator itself has not changed; estimate the recordings one by one."
         ]
-    return [_sentence(recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
+    return [_sentence(fit, recording, list(members)) for (recording, _), members in _grouped(fit.changes)]
 
 
 def short_changes(changes: Sequence[Change]) -> list[str]:
@@ -113,8 +114,8 @@ def _short(recording: str, changes: Sequence[Change], with_values: bool) -> str:
     return f"{_state(changes[0])} in {recording} ({_probability(changes[0])}{values})"
 
 
-def _sentence(recording: str, changes: Sequence[Change]) -> str:
-    values = ", ".join(map(_from_to, changes))
+def _sentence(fit: Fit, recording: str, changes: Sequence[Change]) -> str:
+    values = ", ".join(_from_to(change, f"{fit.actuator.row(change.name).meaning}, ") for change in changes)
     return (
         f"{recording}: {_state(changes[0])} since the calibration ({_probability(changes[0])}): {values}; the load and "
         "its interval allow for it."
@@ -130,6 +131,11 @@ def _probability(change: Change) -> str:
     return f"{'over ' if change.probability > 0.99 else ''}{100 * min(change.probability, 0.99):.0f} %"
 
 
-def _from_to(change: Change) -> str:
+def _from_to(change: Change, meaning: str = "") -> str:
     unit = "" if change.unit == "1" else f" {change.unit}"
-    return f"{change.name} {change.before:.4g} -> {change.after:.4g}{unit}"
+    values = f"from {_rounded(change.before)} to {_rounded(change.after)}{unit}"
+    return f"{meaning}{change.name}, {values}" if meaning else f"{change.name} {values}"
+
+
+def _rounded(value: float) -> str:
+    return scientific(float(f"{value:.4g}"), 0)

@@ -34,12 +34,14 @@ def comparison_sections(fit: Fit) -> list[Chapter]:
     if fit.baseline is None:
         return []
     compared = comparison(fit)
-    blocks: list[Block] = [Bullets(tuple(since_calibration(fit) or ["Besides the load no change was found."]))]
+    blocks: list[Block] = [Bullets(tuple(since_calibration(fit) or ["Apart from the load, no change was found."]))]
     if compared is not None:
         alt = "Load of the calibration and present load over the position, and their difference, with 95 % bands"
         blocks += [Text(_halves(compared)), Picture(comparison_figure(compared), _CAPTION, alt), change_table(compared)]
     elif fit.status != "failed":
-        blocks.append(Text("Its load is not in the file, or no load was fitted: there are no loads to compare."))
+        blocks.append(
+            Text("The file of the calibration has no load, or no load was fitted, so there is nothing to compare.")
+        )
     if fit.readings:
         blocks.append(readings_table(fit.readings))
     return [Chapter("New against worn", tuple(blocks))]
@@ -48,12 +50,12 @@ def comparison_sections(fit: Fit) -> list[Chapter]:
 def _halves(compared: Comparison) -> str:
     """The half-load position now and at the calibration, by how much the answer says that it moved."""
     if not np.isfinite(compared.shift.position):
-        return "One of the loads does not reach half of its peak, so that its position cannot be compared."
+        return "One of the loads does not reach half of its peak, so its position cannot be compared."
     now, before = (
         f"{at.position / MM:.2f} mm{interval_words(at, behind=' mm at 95 %')}"
         for at in (compared.half_now, compared.half_before)
     )
-    return f"The load reaches half of its peak at {now}, at the calibration at {before}."
+    return f"The load reaches half of its peak at {now}; at the calibration it did at {before}."
 
 
 def comparison_figure(compared: Comparison) -> Figure:
@@ -125,5 +127,5 @@ def readings_table(readings: Mapping[str, Fit]) -> ReportTable:
             halves = (compared.half_now.position, compared.shift.position)
             share = compared.at(6 * MM).share if compared.reach >= 6 * MM else None
             rows.append((name, verdict(reading).trust, *halves, *changes, share, others))
-    note = "Each recording alone against the calibration; the result above has one load for all of them."
+    note = "Each recording on its own, compared with the calibration; the result above is one load for all of them."
     return ReportTable("The recordings one by one", columns, tuple(rows), note=note)

@@ -106,7 +106,7 @@ def information_blocks(fit: Fit, basis: Evidence) -> list[Block]:
     blocks: list[Block] = [Bullets(tuple(map(capital_unless_named, sentences)))] if sentences else []
     if not basis.missing:
         return [*blocks, Text("The excitation is sufficient: reach, directions and vented rests.")]
-    return [*blocks, Text('What to drive for it: docs/excitation.md, "What is missing".')]
+    return [*blocks, Text('What to drive: docs/excitation.md, "What is missing".')]
 
 
 def diagnosis_table(basis: Evidence) -> ReportTable:
@@ -129,8 +129,8 @@ def diagnosis_table(basis: Evidence) -> ReportTable:
             numbers = (column.samples, column.effective_samples)
             rows.append((name, shown, column.fit_percent, over, rms, mean, *numbers))
     note = (
-        "The fit is 100 % for an exact simulation and 0 % for a simulation that is as good as the mean. Over 1 s: "
-        "simulated for a second at a time from the measured position."
+        "The fit is 100 % for an exact simulation and 0 % for a simulation that is no better than the mean. Over 1 "
+        "s: the simulation starts again from the measured position every second."
     )
     return ReportTable("Residuals, measured minus simulated", columns, tuple(rows), note=note)
 
@@ -151,7 +151,7 @@ def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
     regions = Picture(
         region_figure(diagnosis),
         f"{who}: rms error by position and direction of motion; the dotted line is that of the whole recording.",
-        "Rms error by stroke region, opening, closing and in hold",
+        "Rms error by stroke region while opening, closing and holding",
         dense=True,
     )
     sentences = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]

@@ -187,7 +187,7 @@ def _since(fit: Fit, compared: Comparison | None) -> list[LabelRow]:
         return []
     name, on_pages = baseline_name(fit.baseline), On.BRIEF | On.PAGE
     if states_of_wear(fit) is not None:
-        since = LabelRow("since", f"{name}: see the recordings alone")
+        since = LabelRow("since", f"{name}: see each recording on its own")
         rows = [since, *(LabelRow("", sentence, on=On.PAGE) for sentence in change_sentences(fit))]
         return [*rows, *labelled("assumed", assumed_sentences(fit), On.PAGE)]
     parts = []
@@ -195,7 +195,7 @@ def _since(fit: Fit, compared: Comparison | None) -> list[LabelRow]:
         at = compared.shift
         parts.append(f"half-load position {at.position / MM:+z.2f} mm{interval_words(at, '+')}")
     if compared is None and fit.load_is_fitted:
-        parts.append("its load is not in the file, so that the loads cannot be compared; save the calibration again")
+        parts.append("the file has no load, so the loads cannot be compared; save the calibration again")
     rests = [rest_words(rest) if len(fit.recordings) == 1 else f"{rest.recording}: {rest_words(rest)}"
              for rest in moved_rests(fit)]  # fmt: skip
     changes = short_changes(fit.changes) or [f"no {'other ' if fit.load_is_fitted else ''}change found"]

@@ -60,8 +60,8 @@ def parameter_table(fit: Fit, names: Iterable[str] | None = None, title: str = "
 
 
 _ASSUMED = (
-    "Conditions that were not recorded are as calibrated, with an assumed range of their change. The band of the load "
-    "includes that range, which these data do not narrow."
+    "Conditions that were not recorded keep their calibrated values, within an assumed range. The band of the load "
+    "includes this range, and these data do not narrow it."
 )
 
 
@@ -94,7 +94,7 @@ def fit_sections(fit: Fit) -> list[Chapter]:
     basis = evidence(fit)
     sections = comparison_sections(fit)
     if basis.diagnoses:
-        sections.append(Chapter("What the data determine", tuple(information_blocks(fit, basis))))
+        sections.append(Chapter("Parameters that the data determine", tuple(information_blocks(fit, basis))))
     sections.append(Chapter("Parameters", parameter_blocks(fit)))
     if fit.recordings:
         sections.append(Chapter("Errors", _errors(fit, basis)))

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 #: The panels in words.
 _CAPTION = (
-    "Innovations, measured minus predicted, each divided by the standard deviation that the filter predicts. The first "
-    "panel has the mean of their squares (NIS) over each second: for independent innovations with that deviation 19 of "
-    "20 values lie in the blue band around 1. The filter counts samples within 10 ms as one, so the NIS lies below. "
-    "The other panels have their autocorrelation and their correlation with the duty cycles; at a positive lag the "
-    "innovation follows the valve. White noise is within the grey bounds at 99 of 100 lags; larger values are errors "
-    "of the model."
+    "Innovations, measured minus predicted, each divided by the standard deviation that the filter predicts. The "
+    "first panel has the mean of their squares (NIS) over each second: if the innovations are independent and have "
+    "this deviation, 19 of 20 values lie in the blue band around 1. The filter weights the samples within 10 ms as "
+    "one sample, so the NIS is below 1. The other panels show the autocorrelation of the innovations and their "
+    "correlation with the duty cycles; at a positive lag the innovation follows the valve. White noise is within "
+    "the grey bounds at 99 of 100 lags; larger values show errors of the model."
 )
 
 

@@ -105,7 +105,9 @@ def samples_figure(run: ObservedRecording) -> Figure:
     if with_pressure:
         draw_over_time(pressure, t, log["pressure_a"] / BAR, Line(STYLE.measured, "measured, not used", 2.2))
         fill_over_time(axes[2], t, -h / _KPA, h / _KPA, Line(STYLE.blue, "95 % band", opacity=0.35, layer=3))
-        draw_over_time(axes[2], t, (log["pressure_a"] - p) / _KPA, Line(STYLE.measured, "measured less estimated", 0.8))
+        draw_over_time(
+            axes[2], t, (log["pressure_a"] - p) / _KPA, Line(STYLE.measured, ("measured minus estimated"), 0.8)
+        )
         label(axes[2], y="difference\n[kPa]")
     fill_over_time(pressure, t, (p - h) / BAR, (p + h) / BAR, Line(STYLE.blue, "95 % band", opacity=0.3))
     draw_over_time(pressure, t, p / BAR, Line(STYLE.blue, "estimated from the position"))
@@ -135,14 +137,15 @@ def _innovations(axis: Axes, run: ObservedRecording) -> None:
 _AFTER = "after the recording"
 _MEANINGS = {**FLAGS, **LIVE_FLAGS}
 _LOADS = (
-    "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and the "
-    "change. The band before is that of a clutch that may have worn since. Shaded: 5 to 8 mm, where the clutch engages."
+    "Load before and after the recording over the position of the piston, each with its pointwise 95 % band, and "
+    "the change. The band before the recording allows for wear since the calibration. Shaded: 5 to 8 mm, where the "
+    "clutch engages."
 )
 _STROKES = (
-    "Load at three positions after each stroke, with its 95 % band; the first point is that before the recording."
+    "Load at three positions after each stroke, with its 95 % band; the first point is the load before the recording."
 )
 _SAMPLES = (
-    "Position and pressure as estimated at each sample from what came before it, the innovations (measured less "
+    "Position and pressure estimated at each sample from the samples up to it, the innovations (measured minus "
     "predicted) with their 95 % bounds, and the duty cycles."
 )
 _LOADS_ALT = "Load before and after the recording over the position, and its change, with 95 % bands"
@@ -176,7 +179,9 @@ def observation_data(observation: Observation) -> dict[str, Any]:
     rows = page_rows(observe_document(observation))
     wrong = any(row["mood"] == "none" for row in rows)
     kind, why = (
-        ("correct", "correct what the reasons say") if wrong else ("export", "export the observer for a control unit")
+        ("correct", ("correct the problems that the reasons name"))
+        if wrong
+        else ("export", "export the observer for a control unit")
     )
     return {
         "span": [float(time[0]), float(time[-1])],
@@ -220,7 +225,7 @@ def _parameters(run: ObservedRecording) -> tuple[Block, ...]:
     """Parameters and load weights that adapt, before and after; none if the load stays as calibrated."""
     names, weights = run.observer.adapting, run.observer.actuator.load.names
     if not names:
-        return (Text("Nothing adapts: load and parameters stay as calibrated."),)
+        return (Text("The observer does not adapt: load and parameters keep their calibrated values."),)
     parameters = [name for name in names if name not in weights]
     others = (adapted_table(run, "Parameters that adapt", parameters),) if parameters else ()
     table = adapted_table(run, "Load weights", [name for name in names if name in weights])

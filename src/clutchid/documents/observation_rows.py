@@ -50,7 +50,7 @@ def rows_of(run: ObservedRecording) -> list[LabelRow]:
     judged = observed_verdict(indicators(run))
     about = [load_sentence(run), *_if_as_calibrated(run)]
     if run.observer.compares:
-        about.append(f"innovations (NIS in motion) are {run.after.mismatch:.2f} times those of the calibration")
+        about.append(f"mean squared innovation in motion (NIS): {run.after.mismatch:.2f} times that of the calibration")
     return [
         LabelRow(None, f"observed {run.log.name}: {observe_sentence(run)}", fixed=True, on=On.TERMINAL),
         LabelRow("load", f"at {', '.join(map(str, POSITIONS))} mm: {shown} N"),
@@ -68,7 +68,7 @@ def _if_as_calibrated(run: ObservedRecording) -> list[str]:
         return []
     at = curve(run.observer, run.after, [mm * MM for mm in POSITIONS], as_calibrated=True)
     halves = ", ".join(f"± {half:.0f}" for half in ((at.high - at.low) / 2).tolist())
-    return [f"if the supply pressure is as calibrated, the band is {halves} N"]
+    return [f"if the supply pressure has its calibrated value, the band is {halves} N"]
 
 
 def _as_calibrated(run: ObservedRecording, after: LoadCurve) -> dict[str, list[float]]:

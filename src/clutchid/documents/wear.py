@@ -113,14 +113,14 @@ def life_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
 
 
 _TREND = (
-    "Readings of single recordings, and the trend with its 95 % band. Readings may all lie to one side of the trend: "
-    "errors that the readings of a vehicle share, and errors by air temperature, are removed from it as far as they "
-    "can be estimated, and its band covers the rest of them."
+    "Estimates from single recordings, and the trend with its 95 % band. The estimates may all lie on one side of "
+    "the trend: errors that all recordings of a vehicle share, and errors due to air temperature, are removed from "
+    "the trend as far as they can be estimated, and its band covers the rest."
 )
 _ALARMS = " Red and dashed: alarms."
-_TEST = f"The test for changes is set to one false alarm in {1 / FALSE_ALARMS:,.0f} recordings."
+_TEST = f"The test for changes gives one false alarm in about {1 / FALSE_ALARMS:,.0f} recordings."
 _LOADS = (
-    "Load over the position of the piston, of recordings spread evenly over the life, from dark (first) to light "
+    "Load over the position of the piston for recordings spread evenly over the life, from dark (first) to light "
     "(last). Shaded: 5 to 8 mm, where the clutch engages."
 )
 
@@ -177,5 +177,5 @@ def recordings_table(wear: Wear) -> ReportTable:
         shift, load = (reading.measurement.shift, reading.measurement.load) if reading.measurement else (None, None)
         message = reason or ("" if reading.status == "ok" else reading.message)
         rows.append((job.recording, begin, job.strokes, shift, load, reading.trust, outcome, message))
-    note = "Files without a reading have no place in this order and come last." if wear.apart else ""
+    note = "Files without an estimate have no place in this order and come last." if wear.apart else ""
     return ReportTable("Recordings in the order of the life", columns, tuple(rows), note=note)

@@ -15,12 +15,12 @@ from clutchid.wear import FALSE_ALARMS, Alarm, Interval, Wear
 
 #: Kinds of alarms in words.
 ALARMS = {
-    "replaced": "the clutch, or its sensor, was replaced",
+    "replaced": "the clutch or its sensor was replaced",
     "sudden": "the load changed suddenly",
-    "unknown": "the load changed, by a new clutch or a fault, which the recordings so far do not tell apart,",
-    "leak": "chamber A, or what is connected to it, began to leak",
-    "departed": "the actuator departed from its calibration farther than a change explains",
-    "sensor moved": "the position sensor, or its bracket, moved or was exchanged",
+    "unknown": "the load changed because of a new clutch or a fault (the recordings so far do not show which)",
+    "leak": "chamber A or its connections began to leak",
+    "departed": "the actuator deviated from its calibration by more than a change of load or grease explains",
+    "sensor moved": "the position sensor or its bracket moved or was replaced",
 }
 
 
@@ -32,7 +32,7 @@ def rows_of(wear: Wear) -> list[LabelRow]:
     else:
         rows.append(("now", change_words(wear)))
         rows += [("alarm", alarm_words(alarm)) for alarm in wear.alarms]
-        rows.append(("left", left_words(wear) or "not known without a limit: --limit, or a table of wear"))
+        rows.append(("left", left_words(wear) or "unknown without a limit; give --limit or a table of wear"))
     return [LabelRow(label, text, "with care" if label == "alarm" else "", fixed=True) for label, text in rows]
 
 
@@ -53,7 +53,7 @@ def recordings_words(wear: Wear) -> str:
     if wear.axis != "recordings":
         words.append(f"over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}")
     others = len(wear.rows) - len(recordings)
-    beside = f"; {others} other file{'s are' if others > 1 else ' is'} no recording or a copy of one" if others else ""
+    beside = f"; {others} other file{'s' if others > 1 else ''}, not a recording or a copy of one" if others else ""
     return f"{', '.join(words)}{beside}"
 
 
@@ -73,7 +73,7 @@ def _worn(wear: Wear, worn: Interval) -> str:
     interval = f"({worn[1] / MM:.2f} to {worn[2] / MM:.2f})"
     end = wear.end_of_table
     if np.isnan(worn.value):
-        return "wear of the facing unknown: its band covers the whole table"
+        return "wear of the facing unknown, because its band covers the whole table"
     if end is not None and worn[0] >= end:
         return f"facing worn beyond the end of its table, {end / MM:.2f} mm {interval}"
     return f"facing worn by {worn[0] / MM:.2f} mm {interval}"
@@ -89,7 +89,7 @@ def alarm_words(alarm: Alarm) -> str:
     if alarm.kind == "departed":
         return f"{words}: look for a fault, or calibrate again"
     if alarm.kind == "sensor moved":
-        return f"{words}: the vented rest by {alarm.rest / MM:+.2f} mm, which is no wear and does not count as such"
+        return f"{words}: the vented rest moved by {alarm.rest / MM:+.2f} mm; this is not counted as wear"
     return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+z.1f} %"
 
 
@@ -104,13 +104,13 @@ def left_words(wear: Wear) -> str:
     """Remaining life until the limit; nothing without one."""
     if wear.limit is not None and wear.sudden:
         how = "suddenly " if wear.sudden.kind == "sudden" else ""
-        return f"unknown after the load changed {how}before {wear.sudden.before}: find the cause"
+        return f"unknown, because the load changed {how}before {wear.sudden.before}; find the cause"
     if wear.left is None or wear.limit is None:
         return ""
     what = "of wear" if "wear" in wear.then else "of shift"
     low, median, high = wear.left
     if not np.isfinite(low):
-        return f"{wear.limit / MM:.2f} mm {what} are not in sight: the trend does not reach them"
+        return f"the trend does not reach {wear.limit / MM:.2f} mm {what}"
     end = f"to {wear.limit / MM:.2f} mm {what}"
     if not np.isfinite(median):
         return f"no end in sight {end} ({_rounded(low)} {wear.axis} to no end in sight, 90 %)"

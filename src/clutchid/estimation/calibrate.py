@@ -123,9 +123,12 @@ def _with_missed(result: Fit) -> Fit:
     half = QUANTILE * result.calibration.missed
     share = 100 * half / max(_peak(result), 1.0)
     note = (
-        f"± of the load includes {half:.0f} N ({share:.1f} % of the peak) for what the model misses, by virtual trucks "
+        f"± of the load includes {half:.0f} N ({share:.1f} % of the peak) for errors of the model, as measured on "
+        "virtual trucks "
     )
-    note += "and the residual of the pressure; ± of its weights, and later readings, are without it."
+    note += (
+        "and by the residual of the pressure; the ± of the load weights and of later estimates does not include them."
+    )
     return replace(result, load_curve=result.load_curve.widened(half), notes=(*result.notes, note))
 
 

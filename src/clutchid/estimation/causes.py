@@ -96,7 +96,10 @@ _FAULTS = (
     ),
     _Fault(
         "gain of the duty cycles", (0.5, 0.6, 0.7, 0.8, 1.25, 1.6), _divided,
-        ("the recorded duty cycles are {:.2f} times those of the valves, or the valves pass less or more by as much",),
+        ((
+            "the recorded duty cycles are {:.2f} times those of the valves, or the flow of the valves has changed "
+            "by this factor"
+        ),),
         1.0, f"check the drivers of the valves, or {_BY_MAP}", (0.9, 1.1),
     ),
     _Fault(

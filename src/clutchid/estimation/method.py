@@ -244,5 +244,5 @@ def _identifiable(problem: Problem, matrix: FloatArray) -> tuple[str, ...]:
     if determined:
         notes.append(f"determined by the data: {in_words(determined)}.")
     if from_prior:
-        notes.append(f"not determined by the data, so that the prior applies: {in_words(from_prior)}.")
+        notes.append(f"not determined by the data, so the prior applies: {in_words(from_prior)}.")
     return tuple(notes)

@@ -375,15 +375,15 @@ def write_parameters(content: ParameterFile, path: str | PathLike[str]) -> None:
 def read_parameters(path: str | PathLike[str], model: OwnModel | None = None) -> ParameterFile:
     """Read a parameter file; missing entries have their defaults.
 
-    B-splines have all weights or none. Without any, the load is the one that a search starts from, on B-splines; an
-    actuator of another drawing needs them.
+    The file has all weights of the B-splines or none. Without weights the load is the start of a search, on
+    B-splines; an actuator of another drawing needs the weights.
 
     Parameters
     ----------
     path
         The file.
     model
-        The model of the user's own that the file was saved with: a file never loads code.
+        The user's own model with which the file was saved; a file never loads code.
 
     Returns
     -------

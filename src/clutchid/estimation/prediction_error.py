@@ -93,8 +93,8 @@ def _statistics(problem: Problem, solution: FilterSolution) -> tuple[str, ...]:
     for name in problem.measure:
         statistics = innovations(solution.at, name)
         notes.append(
-            f"prediction errors of {name}: mean square {statistics.nis:.2f} times the expected one, 1 if the noise "
-            f"is as assumed; correlation of neighbouring samples {statistics.lag_1:.2f}, 0 for a correct model."
+            f"prediction errors of {name}: mean square {statistics.nis:.2f} times the expected value (1 if the noise "
+            f"is as assumed); correlation of neighbouring samples {statistics.lag_1:.2f} (0 for a correct model)."
         )
     return tuple(notes)
 

@@ -100,7 +100,7 @@ def bounds_of(
         if not low < high
     ]
     outside = [
-        f"{name}: bound {bound:g} is not admissible, it is {row.allowed} {row.unit}."
+        f"{name}: bound {bound:g} is not admissible, it must be {row.allowed} {row.unit}."
         for name, limits in stated.items()
         if base_of(name) in actuator.parameter_names
         for row in [actuator.row(base_of(name))]
@@ -190,7 +190,7 @@ def ended(status: _SearchStatus, evaluations: int) -> str:
     words = {
         "converged": "converged after {} evaluations",
         "stalled": "stalled after {} evaluations, not converged: no shorter step lowers the cost",
-        "limit": "stopped after {} evaluations, not converged: its budget is used up",
+        "limit": "stopped after {} evaluations, not converged: the allowed number of evaluations is used up",
     }
     return words[status].format(evaluations)
 
@@ -205,7 +205,7 @@ _OF_THE_VERB = ("default",)
 
 @dataclass(frozen=True, slots=True)
 class FitRequest:
-    """A request of a fit: all its options, but how its recordings are read.
+    """All options of a fit, except how its recordings are read.
 
     Attributes
     ----------

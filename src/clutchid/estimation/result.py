@@ -187,9 +187,9 @@ class Fit:
     message
         How the search ended, or why there is no result: one sentence.
     actuator
-        The fitted one: with it, `clutchid.simulate` repeats the fit.
+        The fitted actuator; `clutchid.simulate` repeats the fit with it.
     parameters
-        Free parameters by name with their 95 % intervals; NAME@STEM is one of a single recording.
+        Free parameters by name with their 95 % intervals; NAME@STEM is a parameter of a single recording.
     covariance : SI, (k, k)
         Of the k free parameters, in the order of `parameters`; infinite where the data do not determine one.
     load_curve : N over m

@@ -478,8 +478,8 @@ def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> 
         estimated = f"position {position * 1e3:.3g} mm"
         estimated += f" and pressure {pressure / 1e5:.4g} bar" if PRESSURE_START in free else ""
         notes.append(
-            f"{name}: does not start vented and at rest, so that its start was estimated: {estimated}. A saved result "
-            f"has it for clutchid simulate; in Python pass starts=fit.recordings['{name}'].starts."
+            f"{name}: does not start vented and at rest, so its start was estimated: {estimated}. A saved result "
+            f"keeps it for clutchid simulate; in Python pass starts=fit.recordings['{name}'].starts."
         )
     return tuple(notes)
 
@@ -505,8 +505,8 @@ def _does_not_move(recordings: Mapping[str, Recording]) -> list[str]:
         if furthest([recording.simulated]) < 0.1 * furthest([recording.measured])
     ]
     return [
-        f"{name}: the piston moves in the recording, not in the simulation; check that supply and exhaust are not "
-        "swapped, and the supply pressure P_S."
+        f"{name}: the piston moves in the recording but not in the simulation; check the supply pressure, P_S, and "
+        "that supply and exhaust are not swapped."
         for name in stuck
     ]
 

@@ -140,7 +140,12 @@ def _flags() -> Iterator[MemoryItem]:
         )
     for bit, (flag, meaning) in enumerate(FLAGS.items()):
         yield MemoryItem(
-            f"samples.{flag}", f"observer.health[{bit}]", f"samples so far where {meaning}", _COUNT, *_UNSIGNED, "ULONG"
+            f"samples.{flag}",
+            f"observer.health[{bit}]",
+            (f"samples so far in which {meaning}"),
+            _COUNT,
+            *_UNSIGNED,
+            "ULONG",
         )
 
 
@@ -150,9 +155,9 @@ def _adapted(joint: JointFilter, real: str) -> Iterator[MemoryItem]:
     for coordinate, place in zip(joint.coordinates, joint.free.places.tolist(), strict=True):
         if place[WEIGHT] < 0:
             row, at = actuator.row(coordinate.base), f"observer.derived[0].p[{place[PARAMETER]}]"
-            meaning = f"{row.meaning}, as it is known now"
+            meaning = f"{row.meaning}, current estimate"
             yield _item(f"adapted.{coordinate.base}", at, meaning, row.unit, (row.low, row.high), real)
-    weights, meaning = len(actuator.load.names), "weights of the load, as they are known now"
+    weights, meaning = len(actuator.load.names), "weights of the load, current estimates"
     limits, unit = _weight_limits(joint), actuator.load.unit
     yield _item("adapted.load_weights", "observer.derived[0].weights", meaning, unit, limits, real, weights)
 
@@ -169,10 +174,10 @@ def _free(joint: JointFilter, real: str) -> Iterator[MemoryItem]:
         name, at = coordinate.base, f"data.filter.parameters[{j}].mean"
         if name in actuator.load.names:
             unit, limits = actuator.load.unit, _weight_limits(joint)
-            yield _item(f"load.{name}", at, "weight of the load, before it adapts", unit, limits, real)
+            yield _item(f"load.{name}", at, "weight of the load, initial value", unit, limits, real)
         else:
             row = actuator.row(name)
-            yield _item(name, at, f"{row.meaning}, before it adapts", row.unit, (row.low, row.high), real)
+            yield _item(name, at, f"{row.meaning}, initial value", row.unit, (row.low, row.high), real)
 
 
 def _fixed(joint: JointFilter, real: str) -> Iterator[MemoryItem]:

@@ -93,8 +93,8 @@ class CStyle:
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,30}", self.name) or self.name in C_WORDS:
             raise ParameterError(
-                f"--name {self.name!r}: no C identifier; letters, digits and underscores are allowed, at most 31, the "
-                "first a letter."
+                f"--name {self.name!r}: not a C identifier; letters, digits and underscores are allowed, at most 31, "
+                "and the first is a letter."
             )
 
     @property

@@ -38,17 +38,17 @@ _RATE = 0.05
 
 #: Note on a calibration that was made without them.
 NO_POSITION_ONLY = (
-    "The calibration does not know the errors of a load from position alone, so the band of the load leaves them out; "
-    "calibrate again to include them."
+    "The calibration file has no errors of a load from position alone, so the band of the load does not include "
+    "them; calibrate again to include them."
 )
 
 #: Cause of a difference in float.
 BY_ROUNDING = (
-    "In double the C agrees with Python: the difference in float is rounding, which grows while the piston sticks, as "
-    "noise of 10 nm on the position does. On 80 warm drives the pressure differed by 0.16 of its standard deviation at "
-    "most, rms, and a flag on 7."
+    "In double precision the C code agrees with Python. The difference in float is rounding, which grows while the "
+    "piston sticks, as an error of 10 nm in the position would. On 80 warm drives the rms difference of the "
+    "pressure was at most 0.16 of its standard deviation, and one flag differed on 7 of them."
 )
-BY_EXPORT = "In double the C does not agree with Python either: the difference is an error of the export."
+BY_EXPORT = "In double precision the C code does not agree with Python either: the export has an error."
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +115,9 @@ def targets_of(text: str) -> tuple[Target, ...]:
     names = [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in names if name not in _TARGETS]
     if unknown or not names:
-        raise ParameterError(f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is none of {', '.join(_TARGETS)}.")
+        raise ParameterError(
+            f"--to {text}: {unknown[0] if unknown else 'nothing'!r} is not one of {', '.join(_TARGETS)}."
+        )
     return tuple(target for target in _TARGETS if target in names)
 
 

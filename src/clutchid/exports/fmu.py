@@ -185,7 +185,7 @@ def model_fmu(actuator: Actuator, name: str = "actuator", version: Version = 2) 
     Raises
     ------
     ParameterError
-        If the name is no C identifier.
+        If the name is not a C identifier.
     ExportError
         If there is a C compiler, and it fails.
     """
@@ -239,11 +239,11 @@ def _of_observer(observer: Observer, state: ObserverState, version: Version) -> 
         for name, output in OUTPUTS.items()
     ]  # fmt: skip
     return [
-        Variable("position_measured", "position as the sensor shows it; NaN for none", "input", "m", 0.0),
+        Variable("position_measured", "position as the sensor shows it; NaN if missing", "input", "m", 0.0),
         *_duties(observer.actuator.equipment),
-        Variable("supply_pressure", "supply pressure, absolute; 0 for none", "input", "Pa", 0.0),
-        Variable("air_temperature", "temperature of the air; 0 for none", "input", "K", 0.0),
-        Variable("load_position", "position of the load that is given", "parameter", "m", _LOAD_POSITION, "tunable"),
+        Variable("supply_pressure", "supply pressure, absolute; 0 if not measured", "input", "Pa", 0.0),
+        Variable("air_temperature", "temperature of the air; 0 if not measured", "input", "K", 0.0),
+        Variable("load_position", "position at which the load is given", "parameter", "m", _LOAD_POSITION, "tunable"),
         *(
             replace(v, name=f"start.{v.name}", description=f"{v.description}, at the start", array=v.array and before)
             for v in adapting

@@ -16,18 +16,18 @@ class Output(NamedTuple):
 
 #: Fields of NAME_output_t, in their order.
 OUTPUTS: Mapping[str, Output] = MappingProxyType({
-    "pressure_a": Output("absolute pressure in chamber A; NaN where it is not known", "Pa"),
+    "pressure_a": Output("absolute pressure in chamber A; NaN where unknown", "Pa"),
     "pressure_a_std": Output("standard deviation of the pressure in chamber A at the last correction", "Pa"),
     "position": Output("position of the piston, from the vented rest of the calibration", "m"),
     "velocity": Output("velocity of the piston", "m/s"),
-    "innovation": Output("position as measured less predicted; NaN at samples without a correction", "m"),
+    "innovation": Output("measured minus predicted position; NaN at samples without a correction", "m"),
     "innovation_std": Output("standard deviation of the innovation", "m"),
     "rest": Output("move of the vented rest since the calibration", "m"),
     "mismatch": Output("mean square of the innovations over that of the calibration recordings", "1"),
     "strokes": Output("strokes that have ended", ""),
-    "flags": Output("flags of the sample, a bit each, in their order", ""),
+    "flags": Output("flags of the sample, one bit each, in the order of the list", ""),
     "trust": Output("trust in the load so far: 0 none, 1 with care, 2 good", ""),
-    "reasons": Output("reasons why trust is below 2, a bit each", ""),
+    "reasons": Output("reasons why trust is below 2, one bit each", ""),
 })  # fmt: skip
 
 #: Reasons why trust is below 2: the name of each bit of the output `reasons`.

@@ -160,8 +160,11 @@ def not_an_address(path: str | PathLike[str], option: str = "") -> None:
     share = str(file).startswith("\\\\")
     if (_ADDRESS.match(str(file)) or share) and not is_there(file):
         raise DataError(
-            f"{option} {file}".strip() + ": is an address, and clutchid opens files and folders of this machine only: "
-            "copy what is there, or mount it, and name a path of this machine."
+            f"{option} {file}".strip()
+            + (
+                ": is a network address, and clutchid opens only files and folders of this machine: copy or mount "
+                "the data, and give a local path."
+            )
         )
 
 
@@ -207,7 +210,7 @@ def opened_file(path: str | PathLike[str], what: str = "recording") -> BinaryIO:
         return file.open("rb")
     except (FileNotFoundError, NotADirectoryError):
         if file.is_symlink():
-            raise DataError(f"{file}: is a link to '{file.readlink()}', which is not there.") from None
+            raise DataError(f"{file}: is a link to '{file.readlink()}', which does not exist.") from None
         not_an_address(file)
         raise DataError(f"{file}: there is no such file{_nearest(file)}") from None
     except PermissionError:
@@ -250,7 +253,7 @@ def small_file(path: str | PathLike[str], what: str, most: int) -> bytes:
     with opened_file(path, what) as stream, reading(path):
         content = stream.read(most + 1)
     if len(content) > most:
-        raise DataError(f"{path}: is no {what}: it has more than {most / 1e6:g} MB; name another file.")
+        raise DataError(f"{path}: is not a {what}: it has more than {most / 1e6:g} MB; name another file.")
     return content
 
 

@@ -47,10 +47,10 @@ def toml_of(content: bytes, path: str | PathLike[str], what: str) -> dict[str, A
     try:
         return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
-        raise ParameterError(f"{path}: is no {what}: its lists are nested too deeply.") from None
+        raise ParameterError(f"{path}: is not a {what}: its lists are nested too deeply.") from None
     except ValueError as error:  # no UTF-8, no TOML, or an integer of thousands of digits
         reason = "a number has too many digits" if "digits" in str(error) else error
-        raise ParameterError(f"{path}: is no TOML file ({reason}).") from None
+        raise ParameterError(f"{path}: is not a TOML file ({reason}).") from None
 
 
 #: Correlations may differ from those of a covariance by as much: what rounding adds to a matrix of ill condition.

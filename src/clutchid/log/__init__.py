@@ -119,7 +119,7 @@ class Log:
             at, begin = as_numbers(stamps, f"time of the edges of '{name}'", "s", problems, start)
             edges[name] = at, as_numbers(values, f"duty cycle of the edges of '{name}'", "1", problems, truth=True)[0]
             if begin != start:
-                problems.append(f"time of the edges of '{name}' and of the columns: both are dates, or none is.")
+                problems.append(f"time of the edges of '{name}' and of the columns: both must be dates, or neither.")
         if problems:
             raise DataError.of(self.name, problems)
         metadata = dict(self.metadata) if start is None else {"start": str(start), **self.metadata}
@@ -308,9 +308,12 @@ def _wrong_edges(name: str, samples: Samples, has_column: bool) -> str:
     """Reason to refuse the edges of a column, else nothing."""
     stamps, values = samples
     if not has_column or name not in INPUTS:
-        return f"edges of '{name}': only the columns {' and '.join(INPUTS)} have them, and this log must have it."
+        return (
+            f"edges of '{name}': only the columns {' and '.join(INPUTS)} can have edges, and the log must have the "
+            "column."
+        )
     if stamps.ndim != 1 or stamps.shape != values.shape:
-        return f"edges of '{name}': {stamps.size} time stamps and {values.size} values; as many of both are needed."
+        return f"edges of '{name}': {stamps.size} time stamps and {values.size} values; the numbers must be equal."
     wrong = np.flatnonzero(~(stamps[1:] > stamps[:-1]))
     if wrong.size:
         before, after = stamps[wrong[0]], stamps[wrong[0] + 1]

@@ -17,7 +17,7 @@ def as_numbers(
     """Contiguous read-only numbers, and the date that times count from, None where they are not dates.
 
     Read-only arrays of numbers are taken as they are, others are copied; what a mask hides is NaN. A quantity with a
-    unit, and what holds no real numbers, is refused: then there are none.
+    unit, and objects that hold no real numbers, is refused: then there are none.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _plain(values: Any, si: str, start: np.datetime64 | None) -> tuple[NDArray[A
     try:
         array = np.asarray(values)
     except ValueError as error:
-        raise TypeError(f"is no array ({error})") from None
+        raise TypeError(f"is not an array ({error})") from None
     if array.dtype.kind not in "mM" or si != "s":
         return array, None
     dates = array.dtype.kind == "M" and array.size > 0

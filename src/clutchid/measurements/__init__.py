@@ -59,11 +59,11 @@ def read(
     path
         File (CSV, Parquet, MDF, MATLAB, BLF, ASC); its name without suffix is the name of the log.
     ambient : Pa, optional
-        Absolute pressure, above 0, that is added to gauge pressures such as ``bar(g)``, and that a vented chamber has;
-        by default `added` is added, and nothing is known of the chamber.
+        Absolute ambient pressure, above 0. It is added to gauge pressures such as ``bar(g)`` and is the pressure of a
+        vented chamber; by default `added` is added, and the pressure of a vented chamber is unknown.
     added : Pa, optional
-        What is added to gauge pressures without `ambient`, such as P_0 of a model; by default the standard atmosphere
-        of 101,300 Pa.
+        Pressure that is added to gauge pressures without `ambient`, such as P_0 of a model; by default the standard
+        atmosphere, 101,300 Pa.
     channels
         A channel map, or the path of one (TOML).
     dbc

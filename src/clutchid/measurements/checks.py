@@ -175,7 +175,7 @@ def _gaps(columns: Sequence[_Column]) -> list[str]:
         return []
     names = " or ".join(f"'{text}'" for text in gaps)
     where = columns[0].places.ranges(np.flatnonzero(np.any([*gaps.values()], axis=0)))
-    return [f"input {names} is missing in {where}: the recording is used up to each gap, and from behind it on."]
+    return [f"input {names} is missing in {where}: the recording is used before and after each gap."]
 
 
 def _hole_warning(column: _Column) -> list[str]:
@@ -189,4 +189,4 @@ def _hole_warning(column: _Column) -> list[str]:
         for i in after[:SHOWN].tolist()
     ]
     usual = quantity(usual_interval(time), "s")
-    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each hole ends a segment."]
+    return [f"no samples for {listed(shown, total=after.size)} (usual interval {usual}): each gap ends a segment."]

@@ -309,9 +309,8 @@ def sentences(changes: Sequence[ClockChange], places: Places, apart: float) -> I
             "restart": f"the clock restarts at {where}; each run becomes a separate segment, "
             f"{quantity(apart, 's')} after the previous one.",
             "lone": f"time stamps far from those around them are left out: {count:,}, at {where}.",
-            "excursion": f"the clock jumps at {where} and later goes on as before; what is between is moved by "
-            f"{amounts}.",
-        }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are made good from there on.")
+            "excursion": (f"the clock jumps at {where} and later returns; the part in between is moved by {amounts}."),
+        }.get(kind, f"the clock: {kind} at {where}; {quantity(abs(group[0].amount), 's')} are corrected from there on.")
 
 
 def moved(stamps: FloatArray, first: int, runs: Sequence[Run], shifts: Sequence[float]) -> FloatArray:
@@ -357,8 +356,8 @@ def matched(
 
 def _apart_sentence(when: str) -> str:
     return (
-        f"the clocks of its groups restart {when}, and nothing says which samples belong together; cut the file at a "
-        "restart, or export each run on its own."
+        f"the clocks of its groups restart {when}, so it is unclear which samples belong together; cut the file at a "
+        "restart, or export each run separately."
     )
 
 

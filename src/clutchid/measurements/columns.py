@@ -210,7 +210,7 @@ def ignored(columns: Sequence[Heading]) -> list[str]:
     if not unknown:
         return []
     subject = f"column {_some(unknown)} is" if len(unknown) == 1 else f"columns {_some(unknown)} are"
-    return [f"{subject} not known and left out; known are {', '.join(QUANTITIES)}."]
+    return [f"{subject} unknown and left out; the known columns are {', '.join(QUANTITIES)}."]
 
 
 def without_numbers(others: Sequence[tuple[str, str]]) -> list[str]:

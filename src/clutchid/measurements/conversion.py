@@ -107,9 +107,9 @@ def check_size(path: Path, samples: int, channels: int) -> None:
     size, most = 8 * samples * channels, _PART * memory()
     if size > most:
         raise DataError(
-            f"{path}: its {samples:,} samples of {channels} channels take {size / 1e9:.3g} GB in memory, more than the "
-            f"{most / 1e9:.3g} GB that are read as a whole; cut out what is needed with `clutchid cut`, or allow more "
-            f"with the environment variable {MEMORY_VARIABLE}={math.ceil(size / _PART / 1e9)}GB."
+            f"{path}: its {samples:,} samples of {channels} channels take {size / 1e9:.3g} GB in memory, more than "
+            f"the {most / 1e9:.3g} GB that clutchid reads as a whole; cut out the part that you need with `clutchid "
+            f"cut`, or allow more with the environment variable {MEMORY_VARIABLE}={math.ceil(size / _PART / 1e9)}GB."
         )
 
 
@@ -264,8 +264,8 @@ def _unplaced(clock: Heading, places: Places, samples: Rows, rows: Rows) -> list
         return []
     where = places.ranges(np.setdiff1d(samples, rows))
     return [
-        f"the time '{clock.text}' places only {rows.size:,} of {sample_count(samples.size)}: the others have no "
-        f"time stamp, repeat one or come late ({where}); write an increasing time for every sample, with enough digits."
+        f"the time '{clock.text}' gives only {rows.size:,} of {sample_count(samples.size)} a place: the others have no "
+        f"time stamp, repeat one or go back ({where}); write an increasing time for every sample, with enough digits."
     ]
 
 

@@ -44,7 +44,7 @@ def with_own_grids(source: Source) -> Source:
         alike = longest / _ALIKE < spans[time] < longest * _ALIKE
         if by_index[time].unit is None and len(units) == 1 and alike:
             by_index[time] = replace(by_index[time], unit=next(iter(units)))
-            unit = f"[{by_index[time].unit}], as that of the other times of the table, is guessed"
+            unit = f"[{by_index[time].unit}], the unit of the other times of the table, is guessed"
             warnings = (*warnings, f"time: '{by_index[time].text}' has no unit; {unit}.")
     rasters, times = [], list(owned)
     for time, columns in owned.items():

@@ -60,7 +60,7 @@ def with_dbc(source: Source, dbc: Sequence[str | PathLike[str]]) -> Source:
     """
     if not dbc or source.one_clock or source.problems:
         return source
-    idle = f"is {source.format} with channels, not a log of frames, so that a DBC decodes nothing in it"
+    idle = f"is {source.format} with channels, not a log of frames, so a DBC has no effect on it"
     if source.format.startswith("MDF"):
         return replace(source, warnings=(*source.warnings, f"{idle}."))
     raise NoFramesError(f"{source.path}: {idle}; leave --dbc out.")
@@ -119,7 +119,7 @@ def too_large() -> str:
     )
 
 
-_SPOILED = "it is damaged, or of a kind that its library cannot read; copy it again or convert it to Parquet or CSV."
+_SPOILED = "it is damaged, or of a kind that the library cannot read; copy it again or convert it to Parquet or CSV."
 
 
 class ReaderProcess:
@@ -154,7 +154,7 @@ class ReaderProcess:
         parts = self.worker.ask(encoded({**question, "forget": forget}), limits)
         if isinstance(parts, WorkerEnd):
             reasons = {
-                "itself": f"the reader process ended on it ({parts.how}): {_SPOILED}",
+                "itself": f"the reader process crashed while reading it ({parts.how}): {_SPOILED}",
                 "memory": too_large(),
                 "time": f"was not read within {limits.seconds:.0f} s, so it is damaged or very slow to read; copy it "
                 f"again, or allow more with the environment variable {_SECONDS_VARIABLE}=600.",
@@ -200,7 +200,7 @@ def reader(path: Path) -> ReaderProcess:
         try:
             _current[:] = [ReaderProcess()]
         except OSError as error:
-            raise DataError(f"{path}: no process to read it in could be started ({reason_of(error)}).") from error
+            raise DataError(f"{path}: the process that reads it could not be started ({reason_of(error)}).") from error
     return _current[0]
 
 

@@ -257,7 +257,7 @@ def _raster(raster: TimeGridOverview, title: str) -> list[str]:
     time = raster.time
     if time and time.hole_count:
         shown = [f"{_short(hole.length)} s after {raster.place} {hole.place}" for hole in time.holes]
-        lines += ["", f"Holes: {listed(shown, total=time.hole_count)}"]
+        lines += ["", f"Gaps: {listed(shown, total=time.hole_count)}"]
     return lines
 
 

@@ -68,7 +68,7 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
     """
     suffix = Path(path).suffix.lower()
     if suffix not in SPOOLED:
-        raise ExportError(f"{path}: a recording that is not known whole is written as {' or '.join(SPOOLED)}.")
+        raise ExportError(f"{path}: a live recording is written as {' or '.join(SPOOLED)}.")
     target = writable_target(path)
     folder: Path | None = None
     try:
@@ -90,7 +90,9 @@ def spooled(path: str | PathLike[str], moved: Callable[[Path], None] | None = No
                 with suppress(OSError):
                     spool.write()
                 place, folder = folder, None
-                raise ExportError(f"{error} Its samples are in {place}; the next run makes a file of them.") from error
+                raise ExportError(
+                    f"{error} Its samples are in {place}; the next run makes the file from them."
+                ) from error
     except ExportError:
         raise
     except OSError as error:
@@ -123,7 +125,7 @@ class _Spool:
             if now:
                 os.fsync(self._data.fileno())
         except OSError as error:
-            raise ExportError(f"{self._path}: cannot be written any further ({reason_of(error)}).") from error
+            raise ExportError(f"{self._path}: can no longer be written ({reason_of(error)}).") from error
 
     def _add(self, block: Log, numbers: int) -> None:
         """Add a block of at most a piece, of so many numbers a sample."""

@@ -22,7 +22,7 @@ from clutchid.parameters import DEFAULTS, Parameters, Row
 class Actuator:
     """An actuator: model, parameters and load, and which chambers and valves there are.
 
-    Parameters of a chamber or valve that does not exist have the values that stand for that.
+    The parameters of a missing chamber or valve have the values that represent its absence.
 
     Parameters
     ----------
@@ -76,8 +76,8 @@ class Actuator:
                 f"{', '.join(rows) or 'none'}."
             )
         problems = [
-            f"{name} = {value:g}{'' if row.unit == '1' else ' ' + row.unit}: it is {row.row.allowed}. The default is "
-            f"{row.default:g}."
+            f"{name} = {value:g}{'' if row.unit == '1' else ' ' + row.unit}: it must be {row.row.allowed}. The "
+            f"default is {row.default:g}."
             for (name, row), value in zip(rows.items(), values, strict=True)
             if not row.row.admits(value)
         ]

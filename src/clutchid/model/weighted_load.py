@@ -152,7 +152,7 @@ class Load:
         problems = []
         check_names([self.basis], _BASES, "load basis")
         if len(self.knots) > MOST_KNOTS:
-            raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; a load needs some ten.")
+            raise ParameterError(f"{len(self.knots):,} knots: at most {MOST_KNOTS} are allowed; about ten are usual.")
         paper = self.basis == "paper"
         count = 3 if paper else len(self.knots) + 2
         if len(self.theta) != count or not all(is_number(value) and math.isfinite(value) for value in self.theta):

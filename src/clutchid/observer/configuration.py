@@ -76,7 +76,7 @@ class Observer:
     spacing : s
         Interval between samples.
     missed : N
-        How far off a load from position alone was on the calibration recordings, rms over the stroke.
+        Rms error, over the stroke, of a load from position alone on the calibration recordings.
     supply
         How the recorded supply pressure is used; None where it is not.
     air
@@ -112,7 +112,7 @@ class Observer:
 
     @property
     def usual(self) -> float:
-        """Mean NIS of the calibration recordings, NaN where it is not known."""
+        """Mean NIS of the calibration recordings, NaN where unknown."""
         return self.calibration.nis if self.calibration else float("nan")
 
     @property

@@ -11,39 +11,49 @@ from clutchid.log import FloatArray
 #: Meanings of the flags.
 FLAGS: Mapping[str, str] = MappingProxyType({
     "position_missing": "the position is missing",
-    "position_frozen": "the position did not change for 15 samples or more, and was left out",
-    "position_beyond_stops": "the position is more than 0.5 mm outside of the stroke",
+    "position_frozen": "the position did not change for 15 samples or more and was left out",
+    "position_beyond_stops": "the position is more than 0.5 mm outside the stroke",
     "duty_missing": "a duty cycle is missing: it is held for 20 ms, then nothing is estimated",
     "time_missing": "samples are missing in time",
-    "outlier": "the innovation is beyond 4 standard deviations, and counts less",
-    "diverged": "the filter left what is possible, and was started again",
+    "outlier": "the innovation exceeds 4 standard deviations and has less weight",
+    "diverged": "the filter left its admissible range and was restarted",
     "leak": "chamber A or its connections leak",
-    "rest_moved": "the vented rest is not where it was at the calibration: the position sensor has moved, or wear",
+    "rest_moved": (
+        "the vented rest has moved since the calibration, because of wear or because the position sensor has moved"
+    ),
     "unlike_calibration": "the innovations are much larger than in the calibration recordings: look for a fault, or "
     "calibrate again",
-    "contradiction": "position and duty cycles contradict each other: what they taught is taken back",
-    "supply_unlike": "the recorded supply pressure cannot be right, by that of the calibration: it is not used",
-    "position_none": "the position is no value, far outside of the stroke, and was left out",
-    "position_jumps": "the position jumps as no piston moves, and was left out",
-    "zero_unknown": "the position jumped and stayed, and no vented rest has shown its zero since: it was left out",
-    "repeated_samples": "the logger repeated its last samples in all channels, and nothing was estimated",
-    "late_correction": "a control unit with two rates left out a correction: its slow task is late, or never runs",
-    "repeated": "samples repeat the time of others, or follow at once: of those that are sorted the last ones count",
-    "not_learning": "a stroke was not followed from its beginning, and nothing is learnt before it ends",
-    "air_refused": "the recorded temperature of the air cannot be right: the one before stays in use",
-    "air_lost": "no temperature of the air has counted for a minute: the band is that of an unknown one",
+    "contradiction": (
+        "position and duty cycles contradict each other: the parameter changes that they caused are undone"
+    ),
+    "supply_unlike": (
+        "the recorded supply pressure is implausible compared with that of the calibration and is not used"
+    ),
+    "position_none": "the position is far outside the stroke, which is not a valid value, and was left out",
+    "position_jumps": "the position jumps faster than a piston can move and was left out",
+    "zero_unknown": (
+        "the position jumped and stayed there, and was left out because no vented rest has shown its new zero yet"
+    ),
+    "repeated_samples": "the logger repeated its last samples in all channels; nothing was estimated",
+    "late_correction": "a control unit with two rates skipped a correction: its slow task is late or never runs",
+    "repeated": "samples have the time of other samples or follow them too closely; the last sample counts",
+    "not_learning": "the start of a stroke was missed, so the parameters do not adapt until it ends",
+    "air_refused": "the recorded air temperature is implausible; the last plausible value stays in use",
+    "air_lost": "no plausible air temperature for a minute: the band is that for an unknown temperature",
     "travel_unlike": "the piston travels further than in the calibration: the gain of its position may be too large",
-    "moves_closed": "the piston moves out with closed valves: its sensor creeps or the supply valve leaks, so that the "
-    "pressure is not to be trusted",
-    "supply_lost": "no supply pressure has counted for 10 s: the load is the one without a recorded supply",
+    "moves_closed": (
+        "the piston moves out with closed valves: the position sensor drifts or the supply valve leaks, so the "
+        "pressure is unreliable"
+    ),
+    "supply_lost": "no plausible supply pressure for 10 s: the load is estimated as if the supply were not recorded",
 })  # fmt: skip
 
 #: Meanings of the further flags of a live recording.
 LIVE_FLAGS: Mapping[str, str] = MappingProxyType({
-    "late": "samples came too late, or with a time that goes back, and were left out",
+    "late": "samples came too late or out of order and were left out",
     "lost": "single samples are missing",
     "unreadable": "lines or frames could not be read",
-    "invalid": "a value was infinite, or a duty cycle outside 0 to 1, and counts as missing; or a time was far ahead",
+    "invalid": "a value was infinite, a duty cycle was outside 0 to 1 (both count as missing), or a time was far ahead",
 })  # fmt: skip
 
 #: Flags of a correction, which are of all samples since the last one.

@@ -159,7 +159,10 @@ def spacing(log: Log) -> float:
         If there are fewer than two samples.
     """
     if len(log) < 2:
-        raise DataError(f"{log.name}: {len(log)} samples; an observer needs two at least, to know their distance.")
+        raise DataError(
+            f"{log.name}: {len(log)} samples; an observer needs at least two, to determine the interval between "
+            "samples."
+        )
     return float(f"{sample_interval(log.time[: _INTERVALS + 1]):.{DIGITS}g}")
 
 
@@ -182,13 +185,13 @@ def recorded(log: Log, column: str) -> bool:
 def unused_conditions(observer: Observer, log: Log) -> tuple[str, ...]:
     """Reasons why an observer does not use the supply pressure and air temperature of a recording, a sentence each."""
     conditions = observer.calibration.conditions if observer.calibration else NOT_RECORDED
-    by_model = "" if "p_S" in observer.actuator.states else ", because the model has a constant one"
+    by_model = "" if "p_S" in observer.actuator.states else ", because the supply pressure of the model is constant"
     lacking = ", because the calibration does not have it; record it there too"
     unsaved = ", because the calibration was saved before observers used it; save it again"
     of_supply = by_model or (lacking if conditions.supply is None else unsaved)
     rows = (
-        ("pressure_supply", observer.supply, of_supply, "Less supply is taken for a larger load."),
-        ("temperature_ambient", observer.air, lacking, "Warmer air is taken for a smaller load."),
+        ("pressure_supply", observer.supply, of_supply, "A lower supply pressure then looks like a larger load."),
+        ("temperature_ambient", observer.air, lacking, "Warmer air then looks like a smaller load."),
     )
     return tuple(
         f"{log.name}: {column} is not used{why}. {effect}"

@@ -80,8 +80,8 @@ def read_state(observer: Observer, path: str | PathLike[str]) -> ObserverState:
     content, head = _content(path)
     if head.get("method") != observer.method or head.get("fingerprint") != fingerprint(observer):
         raise ParameterError(
-            f"{path}: the state of the method '{head.get('method')}' of another calibration or method; give the "
-            "calibration and method that it was saved with, or start without it."
+            f"{path}: holds a state of the method '{head.get('method')}' from another calibration or method; give "
+            "the calibration and method with which the state was saved, or start without it."
         )
     try:
         state = _state(observer, content)
@@ -122,7 +122,7 @@ def saved_origin(path: str | PathLike[str]) -> float | None:
 
 
 def _damaged(path: str | PathLike[str], reason: str) -> str:
-    return f"{path}: the state of an observer is damaged ({reason}); start without it."
+    return f"{path}: the observer state is damaged ({reason}); start without it."
 
 
 def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -131,11 +131,11 @@ def _content(path: str | PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]
     head = content.get("observer")
     if not isinstance(head, dict) or head.get("format") != FORMAT:
         raise ParameterError(
-            f"{path}: is no state of an observer that this version reads (format {FORMAT}); start without it, and save "
-            "it anew: clutchid observe LOG --start CAL.toml --save STATE.toml."
+            f"{path}: is not an observer state that this version can read (format {FORMAT}); start without it and "
+            "save a new one: clutchid observe LOG --start CAL.toml --save STATE.toml."
         )
     if head.get("sha256") != _checksum(content):
-        raise ParameterError(_damaged(path, "it was changed after it was written: its checksum is another"))
+        raise ParameterError(_damaged(path, "it was changed after it was written: its checksum does not match"))
     return content, head
 
 
@@ -187,7 +187,7 @@ def _scalar(name: str, value: Any, like: Any) -> Any:
         return value
     if isinstance(like, int):
         if type(value) is not int or not 0 <= value < 1 << 62:
-            raise ValueError(f"{name} is no number of at least 0")
+            raise ValueError(f"{name} is not a number of at least 0")
         return value
     if not is_number(value):
         raise ValueError(f"{name} is no number")
@@ -210,28 +210,28 @@ def _problems(state: ObserverState) -> Iterator[str]:
     wrong = {
         "the columns of tail have different lengths": any(len(column) != m for column in tail),
         "the times of tail do not increase": np.any(np.diff(tail.time) <= 0.0),
-        "the position has no zero, and no jump": state.unzeroed and not state.jumped,
+        "the zero of the position is unknown, but it has not jumped": state.unzeroed and not state.jumped,
         "a duty cycle of tail is outside 0 to 1": np.any((tail.duties < 0.0) | (tail.duties > 1.0)),
-        "filter, number and tail are not of the same stretch":
+        "filter, number and tail do not belong together":
             not (state.filter is None) == (state.number == 0) == (m == 0),
-        "what the parameters have still to gain is below 0": min(state.wear[0], state.sound.wear[0]) < 0,
+        "the remaining gain of the parameters is below 0": min(state.wear[0], state.sound.wear[0]) < 0,
         "a root is not lower triangular": any(np.triu(root, 1).any() for root in (state.T, state.sound.T)),
         "a root has a row of zeros, a standard deviation of 0":
             not all(np.linalg.norm(root, axis=1).all() for root in (state.T, state.sound.T)),
         "a standard deviation is below 0 or infinite":
             np.any((state.deviations < 0.0) | np.isinf(state.deviations)),
-        f"{state.temperature:g} K is no temperature of the air":
+        f"{state.temperature:g} K is not a temperature of air":
             not (state.temperature == 0.0 or AIR[0] <= state.temperature <= AIR[1])
             or not (intake.air == 0.0 or AIR[0] <= intake.air <= AIR[1]),
         "a mark is neither 0 nor 1": any(mark not in (0, 1) for mark in (
             intake.sampled, intake.driven, intake.held, intake.jumped, intake.unzeroed, intake.supply_unlike,
             intake.supply_recorded, intake.air_refused, stroke.within, rest.excursion, rest.taken, state.nis.faulty,
         )),
-        "more of a vented rest is remembered than can be":
+        "more samples of a vented rest are stored than is possible":
             rest.n_returned > REMEMBERED or rest.n_bin >= windows[0].size or rest.n_medians >= windows[1].size,
-        f"mismatch {state.mismatch:g} is not of at least 0":
+        f"mismatch {state.mismatch:g} is not at least 0":
             not all(0.0 <= mean < np.inf for mean in (state.nis.running, state.nis.sound, state.nis.stored)),
-        f"excess {state.excess:g} is not of at least 0": not 0.0 <= state.excess < np.inf,
+        f"excess {state.excess:g} is not at least 0": not 0.0 <= state.excess < np.inf,
         f"the vented rest has moved by more than {FURTHEST:g} m":
             not (abs(rest.shift) <= FURTHEST and abs(state.zero) <= FURTHEST),
         f"a vented rest lies above {LOW:g} m":
@@ -249,7 +249,7 @@ def _filter_problems(state: ObserverState, saved: FilterState) -> Iterator[str]:
     if not saved.S.any():
         yield "S is 0, as if the states were known exactly"
     if not (np.array_equal(saved.wear, state.wear) and saved.due[0] in (0, 1, 3, 5, 7)):
-        yield "a correction that is under way, or what the parameters have still to gain, is not that of filter"
+        yield "a pending correction, or the remaining gain of the parameters, does not match filter"
 
 
 def _numbers(saved: FilterState | None) -> tuple[NDArray[Any], ...]:

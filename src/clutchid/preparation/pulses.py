@@ -354,7 +354,7 @@ def _slow(log: Log, actuator: Actuator, duties: Duties, find: FindPhase) -> Puls
     """A recording slower than the changes of the duty cycles, on a finer time grid if it has enough of them."""
     if duties is Duties.UNKNOWN:
         step = sample_interval(log.time)
-        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, and "
+        warning = f"{log.name}: a sample every {step * 1e3:.3g} ms does not show when the on/off valves switch, so "
         warning += "the load would have errors of tens of percent; record at 1 kHz."
         return Pulsed(log, actuator, warning=warning)
     if actuator.parameters.T_pwm > 0.0 or duties is Duties.LATCHED:

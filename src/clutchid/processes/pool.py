@@ -121,7 +121,7 @@ class Pool:
 
     def _done(self, work: Callable[[_Item], _Result], item: _Item) -> tuple[_Result | LostWork, Timing]:
         question = [pickle.dumps((work, item), protocol=5)]
-        lost, timing = LostWork("killed", "the workers were ended before."), _NOT_DONE
+        lost, timing = LostWork("killed", "the workers have already ended."), _NOT_DONE
         for attempt in range(_ATTEMPTS):
             worker, is_new = self._worker(new=attempt > 0)
             if self._ended:
@@ -168,7 +168,7 @@ def check_workers(workers: int) -> None:
     if workers > most:
         raise ParameterError(
             f"--workers {workers}: this machine has {processors} processors, and takes {most} workers at most; more "
-            "than one a processor are hardly faster."
+            "than one worker per processor is hardly faster."
         )
 
 
@@ -230,5 +230,5 @@ def _lost(ended: WorkerEnd, limits: Limits) -> LostWork:
         return LostWork(
             "killed", f"needs more than {size:.3g} GB of memory; allow more with --memory, or use fewer workers."
         )
-    how = f"{ended.how}, as where memory runs out" if ended.how == "SIGKILL" else ended.how
+    how = f"{ended.how}, as happens when memory runs out" if ended.how == "SIGKILL" else ended.how
     return LostWork("killed", f"its process ended on it ({how}), twice; the recording or a library is at fault.")

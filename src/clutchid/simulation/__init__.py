@@ -1,4 +1,4 @@
-"""Simulation of an actuator with the inputs of a recording: ballistic or partitioned, with exact sensitivities."""
+"""Simulation of an actuator with the inputs of a recording, and exact derivatives of the discretised system."""
 
 from clutchid.simulation.many import Simulations, simulate_many
 from clutchid.simulation.partition import Partition

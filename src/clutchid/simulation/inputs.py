@@ -59,8 +59,8 @@ def with_both_duties(log: Log) -> NDArray[np.bool_]:
     both: NDArray[np.bool_] = np.isfinite(log[INPUTS[0]]) & np.isfinite(log[INPUTS[1]])
     if not both.any():
         raise DataError(
-            f"{log.name}: no sample has both duty cycles, so that nothing can be simulated; record "
-            f"{' and '.join(INPUTS)} over the same time as the position."
+            f"{log.name}: no sample has both duty cycles, so nothing can be simulated; record {' and '.join(INPUTS)} "
+            "over the same time as the position."
         )
     return both
 

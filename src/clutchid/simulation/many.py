@@ -139,7 +139,7 @@ def simulate_many(
     force : bool
         As of `clutchid.simulate`.
     on_failure : 'raise' or 'return'
-        What to do if a simulation diverges: the status of each says so too.
+        What to do if a simulation diverges; its status also shows it.
 
     Returns
     -------

@@ -123,8 +123,8 @@ def plan(
     if len(segments) > 1:
         cuts = listed(f"{log.time[s.start]:.3f} s" for s in segments[1:])
         warnings.append(
-            f"{log.name}: holes in time or in an input cut the recording into {len(segments)} segments; "
-            f"position and pressure start anew at {cuts}."
+            f"{log.name}: gaps in time or in an input divide the recording into {len(segments)} segments; position "
+            f"and pressure start again at {cuts}."
         )
     return Plan(log, tuple(segments), (*warnings, *outside_stroke(log, y_max).sentences), actuator)
 

@@ -118,12 +118,12 @@ def simulate(
     partition : Partition, optional
         Re-initialise the position; without it the simulation is ballistic.
     sensitivities : names
-        Parameters and load weights whose exact derivatives are computed, also as one text with commas; 'load' means all
-        load weights.
+        Parameters and load weights, also as one text with commas; 'load' means all load weights. Their sensitivities
+        are the exact derivatives of the discretised system, not of the differential equation (docs/derivations.md).
     starts : (m, Pa) per segment, optional
         Position and pressure in chamber A at the start of each segment, if a fit has estimated them.
     force : bool
-        Go on although the measured position is none of such a piston, as one in mm.
+        Continue even if the measured position is impossible for this piston, for example because it is in mm.
     on_failure : 'raise' or 'return'
         What to do if the simulation diverges.
 

@@ -121,7 +121,10 @@ def travel_change(before: Travel, now: Travel, subtracted: float = 0.0) -> Trave
         if abs(ratio - 1.0) < GAIN:
             return TravelChange(ratio, False, True, f"{text}: the gain of the position is as calibrated.")
         wear = f", or the clutch has worn so that its rest fell by {(present - before.stop) * 1e3:.1f} mm"
-        cause = f"the gain of the position seems to be {ratio:.2f} times that of then{wear if ratio > 1.0 else ''}"
+        cause = (
+            f"the gain of the position seems to be {ratio:.2f} times that of the "
+            f"calibration{wear if ratio > 1.0 else ''}"
+        )
         return TravelChange(ratio, True, True, f"{text}: {cause}; check the range and the scaling of its channel.")
     present, furthest = now.reach + subtracted, before.reach
     ratio, text = present / furthest, f"the piston travels {present * 1e3:.1f} mm, {furthest * 1e3:.1f} mm in the"

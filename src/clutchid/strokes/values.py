@@ -226,7 +226,7 @@ def values_of(log: Log, actuator: Actuator) -> Values:
     >>> y = np.where((t > 0.5) & (t < 0.5025), 65.535e-3, 1e-5 * np.sin(40 * t))
     >>> values = values_of(Log(t, {"position": y, **dict.fromkeys(INPUTS, 0 * t)}), Actuator())
     >>> values.faults[0].sentence
-    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm), taken as missing.'
+    'position: 2 samples beyond the stops, the first at 0.501 s (65.53 mm), treated as missing.'
     """
     judged: Any = log.derived.get(values_of)
     if judged is not None and _within(judged[2], actuator):
@@ -351,10 +351,10 @@ def _add_faults(
     if beyond.any():
         faults.append(_fault(log, name, "beyond", beyond, _BEYOND[name]))
     if steps.any():
-        faults.append(_fault(log, name, "step", steps, f"further from those before {_STEP[name]} in that time"))
+        faults.append(_fault(log, name, "step", steps, f"further from the samples before {_STEP[name]} in that time"))
     repeated = _repeated(log, name, verdicts, since)
     if repeated.any() and not any(fault.kind == "repeated" for fault in faults):
-        words = "that repeat the ones before, as of a logger that hangs"
+        words = "that repeat the samples before them, as if the logger had stopped"
         faults.append(_fault(log, "all channels", "repeated", repeated, words))
         for channel in log.columns.keys() & _WATCHED:
             missing[channel] = missing.get(channel, False) | repeated
@@ -410,7 +410,9 @@ def _fault(log: Log, name: str, kind: str, wrong: BoolArray, words: str) -> Faul
     """A fault of samples that become missing."""
     count, first = int(wrong.sum()), int(np.argmax(wrong))
     shown = f" ({_shown(name, float(log[name][first]))})" if name in log else ""
-    sentence = f"{name}: {sample_count(count)} {words}, the first at {log.time[first]:.3f} s{shown}, taken as missing."
+    sentence = (
+        f"{name}: {sample_count(count)} {words}, the first at {log.time[first]:.3f} s{shown}, treated as missing."
+    )
     return Fault(name, kind, count, float(log.time[first]), sentence)
 
 
@@ -420,7 +422,7 @@ def _seam(log: Log, name: str, i: int, missing: BoolArray) -> Fault:
     before = np.flatnonzero(np.isfinite(values[:i]) & ~missing[:i])[-1]
     by = _shown(name, float(values[i] - values[before]), "+")
     sentence = (
-        f"{name} jumps by {by} at {log.time[i]:.3f} s, faster {_STEP[name]}, and stays: its sensor was set to zero "
-        "anew, or two recordings are joined; a segment ends there."
+        f"{name} jumps by {by} at {log.time[i]:.3f} s, faster {_STEP[name]}, and stays there: the sensor was zeroed "
+        "again, or two recordings were joined; a segment ends there."
     )
     return Fault(name, "seam", 1, float(log.time[i]), sentence)

@@ -63,7 +63,7 @@ SIGNIFICANT = 3.0
 
 
 #: Fault of a recording without a settled vented rest, and its remedy.
-UNSETTLED = "the pressure settles at no rest with the chamber vented"
+UNSETTLED = "the pressure never settles while the chamber is vented"
 RECORD_REST = "record a second at rest with the exhaust valve open"
 
 
@@ -133,7 +133,10 @@ def with_ambient(actuator: Actuator, logs: Sequence[Log]) -> tuple[Actuator, tup
     added = next((float(log.metadata.get("ambient_Pa", P_0)) for log in logs if _is_gauge(log)), P_0)
     if known_ambient(P_0) is not None or added == P_0:
         return actuator, ()
-    said = f"P_0 is {added * 1e-5:.4g} bar, which gauge pressures count from, not Appendix A's {P_0 * 1e-5:.4g} bar."
+    said = (
+        f"the ambient pressure, P_0, is {added * 1e-5:.4g} bar, the reference of the gauge pressures, instead of "
+        f"Appendix A's {P_0 * 1e-5:.4g} bar."
+    )
     return actuator.replace({"P_0": added}), (said,)
 
 
@@ -208,12 +211,12 @@ def sensor_zero(log: Log) -> tuple[float, str]:
     settles = f"pressure_a settles at {shown} with the chamber vented"
     if off < (0.0 if prior is ABSOLUTE else -LARGEST_ZERO):
         return 0.0, (
-            f"{settles}: by altitude, as a calibration takes it, or the sensor's zero is off by {off * 1e-5:+.2f} bar; "
-            "give the air pressure of the place, --ambient."
+            f"{settles}: the reason is altitude, as a calibration assumes, or the zero of the sensor is off by "
+            f"{off * 1e-5:+.2f} bar; give the ambient pressure with --ambient."
         )
     about = "about " if prior is ABSOLUTE else ""
-    than = "" if _is_gauge(log) else f", where the air has {about}{prior.mean * 1e-5:.4g} bar"
-    return off, f"{settles}{than}: the sensor's zero is off by {off * 1e-5:+.3f} bar; taken off."
+    than = "" if _is_gauge(log) else f", where the ambient pressure is {about}{prior.mean * 1e-5:.4g} bar"
+    return off, f"{settles}{than}: the zero of the sensor is off by {off * 1e-5:+.3f} bar, which is subtracted."
 
 
 def without_zeros(logs: Sequence[Log]) -> list[Log]:

@@ -198,10 +198,10 @@ def other_zeros(values: Values) -> list[str]:
         shift = rest_shift(before, now) if before and now else None
         if shift is not None and not shift.moved:
             continue
-        reason = f"its vented rest moves by {shift}" if shift else "no vented rest shows whether its zero is the same"
+        reason = f"its vented rest moves by {shift}" if shift else "no vented rest shows whether the zero is the same"
         problems.append(
-            f"{log.name}: the position jumps at {log.time[end]:.3f} s and stays, and {reason}: its sensor was set to "
-            "zero anew, or two recordings are joined; cut the recording there, and read its parts one by one."
+            f"{log.name}: the position jumps at {log.time[end]:.3f} s and stays there, and {reason}: the sensor was "
+            "zeroed again, or two recordings were joined; cut the recording there, and estimate its parts one by one."
         )
     return problems
 

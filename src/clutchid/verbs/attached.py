@@ -1,6 +1,6 @@
-"""Methods of results that belong to higher rooms: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
+"""Methods of results that belong to higher packages: ``fit.plot()``, ``fit.verdict``, a picture in a notebook.
 
-The classes of lower rooms only declare it. Whoever takes a name from `clutchid` has it attached to them.
+The classes of lower packages only declare it. Whoever takes a name from `clutchid` has it attached to them.
 """
 
 from __future__ import annotations

@@ -139,7 +139,7 @@ def _sentence(times: Sequence[float], *, held: bool) -> str:
 
     where = f"it is held for {LONGEST_HOLD:g} s or longer" if held else f"it has {LONGEST_SECTION:,} samples"
     count = "once" if len(times) == 1 else f"{len(times):,} times, the first"
-    return f"a stroke ends where {where}, and what is left of it is one of its own: {count} at {times[0]:.3f} s."
+    return f"a stroke ends where {where}, and the rest of it counts as another stroke: {count} at {times[0]:.3f} s."
 
 
 def _pieces(

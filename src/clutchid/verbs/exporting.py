@@ -44,7 +44,7 @@ def export(
     calibration : Fit, ParameterFile or path
         The calibration: the result of `clutchid.calibrate`, or a file with it.
     out
-        Folder to write; it is made.
+        Folder to write; it is created.
     to : 'c', 'fmu2', 'fmu3', 'matlab', 'a2l', 'dbc'
         What is written: several as a sequence, or as text, comma-separated.
     method

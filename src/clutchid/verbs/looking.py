@@ -74,7 +74,10 @@ def checks_against(rested: ZeroedLog, actuator: Actuator, calibration: Calibrati
     if cause := named_cause(causes):
         yield Check("inputs", value, "suspect", f"{cause.sentence}; {cause.remedy}.")
     elif len(causes) > 1:
-        sentence = "no fault of the inputs explains it; clutchid estimate says what has changed, or that the truck has."
+        sentence = (
+            "no fault of the inputs explains it; `clutchid estimate` shows whether the clutch has changed or the "
+            "calibration is of another truck."
+        )
         yield Check("inputs", value, "undetermined", sentence)
     else:
         yield Check("inputs", value, "good", "the recording agrees with its calibration.")

@@ -27,8 +27,9 @@ def next_step(fit: Fit, asked: FitCommand) -> NextStep:
 
     Kinds: continue a search from the saved result ("continue"), or save it for that ("save to continue"); follow the
     wear of a vehicle ("track"); calibrate this recording ("calibrate"), or record one with pressure ("record"); correct
-    what the reasons say and calibrate again ("correct"); keep a calibration ("keep"); read a worn clutch ("estimate");
-    see both loads on a page ("report"); keep a result ("keep result"); simulate the pressure over time ("simulate").
+    the problems that the reasons name and calibrate again ("correct"); keep a calibration ("keep"); read a worn clutch
+    ("estimate"); see both loads on a page ("report"); keep a result ("keep result"); simulate the pressure over time
+    ("simulate").
 
     Parameters
     ----------
@@ -71,7 +72,9 @@ def _continue(asked: FitCommand) -> NextStep:
 
 def _after_calibration(fit: Fit, asked: FitCommand) -> NextStep:
     if verdict(fit).trust == "none":
-        return NextStep("correct", "correct what the reasons say, and calibrate again", _line(*asked.words))
+        return NextStep(
+            "correct", ("correct the problems that the reasons name, and calibrate again"), _line(*asked.words)
+        )
     if asked.saved is None:
         return NextStep("keep", "keep the calibration", _saving(asked, "CAL.toml"))
     what = _line("estimate", "WORN.csv", *_reading(asked), "--start", argument(asked.saved))

@@ -65,8 +65,8 @@ def observe(
         Standard deviation of a supply pressure that is not recorded from that of the calibration, as a share of it,
         from 0 to 0.5; by default 0.03. It widens the bands of load and pressure.
     supply_sensor_std : 1, optional
-        As much for a recorded supply pressure, by the errors of its sensors in both recordings; by default that of
-        0.5 % of 10 bar each. It widens the bands of the load.
+        The same for a recorded supply pressure, due to the errors of the sensors in both recordings; by default
+        from 0.5 % of 10 bar each. It widens the bands of the load.
 
     Returns
     -------

@@ -48,7 +48,7 @@ def requested(verb: str, request: FitRequest | None, **everyday: Any) -> FitRequ
         own = getattr(asked, name)
         if own not in (getattr(usual, name), value):
             raise ParameterError(
-                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same twice."
+                f"{name} = {value!r}: the request has {name} = {own!r}; give one of them, or the same value twice."
             )
     return (replace(asked, **stated) if stated else asked).completed(*USUAL[verb])
 
@@ -63,11 +63,11 @@ class RequestText:
         Measured columns to compare: position, or position,pressure_a, as `calibrate` does by default; pressure_a alone
         with the position as input.
     free
-        Free parameters, comma-separated. `load`, the default, means all load weights, `auto`, that of `calibrate`, all
-        parameters that a recording with pressure can determine, `NAME@EACH` a parameter of its own for every recording,
-        reported as NAME@STEM.
+        Free parameters, comma-separated. `load` (the default) means all load weights; `auto` (the default of
+        `calibrate`) means all parameters that a recording with pressure can determine; `NAME@EACH` means one parameter
+        per recording, reported as NAME@STEM.
     bounds
-        Bounds in SI units, NAME=LOW:HIGH. Several may follow each other; a side may be empty.
+        Bounds in SI units, NAME=LOW:HIGH. Give one or several; a side may be empty.
     every
         Restart the simulation at the measured position after every N samples.
     parts
@@ -79,22 +79,23 @@ class RequestText:
         position` the measured position is an input, and only the air is simulated.
     model
         Model variant: isothermal (the paper), energy-balance, either with -stribeck; or FILE.py:NAME, a model of your
-        own, whose file is executed. By default isothermal; for `--free auto` energy-balance-stribeck, without a carrier
+        own (the file is executed). By default isothermal; for `--free auto` energy-balance-stribeck, without a carrier
         energy-balance-stribeck-proportional.
     method
-        simulation, shooting or prediction-error. The first is that of the paper, the second multiple shooting with soft
-        continuity, the third a Kalman filter that predicts every sample. By default that of the calibration in --start,
-        if there is one; else shooting if the request needs it, as a calibration does; else simulation.
+        simulation, shooting or prediction-error. simulation is the method of the paper, shooting is multiple shooting
+        with soft continuity, prediction-error is a Kalman filter that predicts every sample. The default is the method
+        of the calibration in --start; without one, shooting if the request needs it, as a calibration does, else
+        simulation.
     prior
-        Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), STD a standard deviation; several may follow each other.
+        Priors NAME=VALUE±STD in SI units (or NAME=VALUE+-STD), STD a standard deviation; one or several.
     profile
-        Free parameters with intervals by profile likelihood, comma-separated; by shooting only, seconds each.
+        Free parameters whose intervals come from profile likelihood, comma-separated; with shooting only, seconds each.
     bootstrap
-        Draws of a bootstrap over strokes, which checks the band of the load, for example 200; 0 for none; by shooting
-        only.
+        Number of draws, for example 200, of a bootstrap over strokes that checks the band of the load; 0 for none;
+        with shooting only.
     zero
-        With a calibration in --start: subtract from the position how far its vented rest has moved since, as after an
-        exchange of the sensor or with wear, or keep the position as it was recorded.
+        With a calibration in --start: subtract the shift of the vented rest since the calibration, caused by wear or
+        a new sensor, or keep the recorded position.
     """
 
     measure: str | None = None
@@ -140,12 +141,12 @@ class ReadingText:
     Parameters
     ----------
     ambient
-        Ambient pressure, for example 1.013bar. A calibration takes it for that of the vented chamber, and gauge units
-        count from it; for these P_0 of the parameter file by default, where it was measured, else 1.013bar.
+        Ambient pressure, for example 1.013bar. It is the pressure of the vented chamber in a calibration, and the
+        zero of gauge units. For gauge units the default is P_0 of the parameter file if it was measured, else 1.013bar.
     map
         Channel map (TOML) of the recordings. `clutchid look --save` writes it.
     dbc
-        DBC files that decode bus logs; several may follow each other.
+        DBC files that decode bus logs; one or several.
     """
 
     ambient: str | None = None

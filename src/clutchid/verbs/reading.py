@@ -166,8 +166,8 @@ def reading_of(
     for name, value in {"ambient": ambient, "channels": channels, "dbc": reading.dbc or None}.items():
         if value is not None and not reading.files:
             raise ParameterError(
-                f"{name} = {value!r}: says how a file is read, and these recordings are logs that have been read; "
-                f"give it to clutchid.read, or leave it out."
+                f"{name} = {value!r}: is an option for reading files, but these recordings have already been read; "
+                "give it to clutchid.read, or leave it out."
             )
     return reading
 

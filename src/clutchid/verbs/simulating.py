@@ -58,7 +58,7 @@ def _moved(rested: ZeroedLog) -> tuple[str, ...]:
     if not rested.subtracted:
         return ()
     return (
-        f"{rested.log.name}: its vented rest has moved by {rested.subtracted * 1e3:+.2f} mm since the calibration, "
+        f"{rested.log.name}: the vented rest has moved by {rested.subtracted * 1e3:+.2f} mm since the calibration, "
         "which is subtracted from the measured position.",
     )
 

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 WEAR_TABLE = ".wear.csv"
 
 #: Problem of a row of a table where files are named one by one.
-_NOT_NAMED = "the table names it, but it is none of the recordings of this command."
+_NOT_NAMED = "the table names it, but it is not among the recordings of this command."
 
 
 def recordings_of(
@@ -83,7 +83,7 @@ def recordings_of(
     for path in paths:
         other = names.setdefault(name_in(rows, path) or name_of(path), path)
         if other is not path:
-            raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own.")
+            raise DataError(f"{path} and {other}: have the same name; every recording of a vehicle needs its own name.")
     files = files_by_name(whole, rows)
     jobs = [replace(rows.get(name, RecordingJob(name)), path=path) for name, path in names.items()]
     jobs += [files.located(row) for name, row in rows.items() if name not in names]
@@ -108,7 +108,9 @@ def vehicle_of(jobs: Sequence[RecordingJob], table: Mapping[str, RecordingJob], 
         return as_text(folders.pop().name) if len(folders) == 1 else ""
     vehicles = {job.vehicle for job in jobs if job.path and job.recording in table}
     if not vehicles:
-        raise DataError(f"{source}: names none of the {len(paths)} recordings; its column 'recording' has their names.")
+        raise DataError(
+            f"{source}: names none of the {len(paths)} recordings; its column 'recording' must have their names."
+        )
     if len(vehicles) > 1:
         some = listed(sorted(vehicles), 3)
         raise DataError(f"{source}: the recordings are of {len(vehicles)} vehicles ({some}); track follows one.")
@@ -224,8 +226,8 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
         return ()
     names = listed((as_text(folder.name) for folder in folders), 3)
     return (
-        f"the recordings lie in {len(folders)} folders ({names}) and are taken for those of one vehicle; give --table "
-        "with the vehicle of each, or one folder.",
+        f"the recordings lie in {len(folders)} folders ({names}) and are treated as recordings of one vehicle; give "
+        "--table with the vehicle of each, or one folder.",
     )
 
 

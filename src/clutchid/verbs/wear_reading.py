@@ -85,7 +85,7 @@ def _read(reading: Reading, by: str, path: Path, start: Path) -> WearReading:
 
 def _alone(message: str) -> str:
     """The message of a refused recording; it names the command with --force, as reading many recordings has none."""
-    alone = " Correct the recording or its channel map, or read it alone by estimate with --force."
+    alone = " Correct the recording or its channel map, or estimate this recording alone with --force."
     return message.replace(f"\n{REFUSED}", alone).removesuffix(ANYWAY)
 
 

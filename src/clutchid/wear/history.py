@@ -36,7 +36,7 @@ _TOLERANCE = timedelta(days=1)
 _DAY = timedelta(days=1)
 
 #: Warning of a recording whose place in the order is not known.
-_NO_TIME = "no time in the file, the table or the name; put after the others."
+_NO_TIME = "no time in the file, the table or the name; placed after the others."
 
 #: A date in the name of a file, with or without the time of day.
 _DATE = re.compile(
@@ -133,16 +133,19 @@ def dated(job: RecordingJob, clock: str) -> RecordingJob:
     warnings: list[str] = []
     of_file, of_table, of_name = _instant(clock), job.begin, _date_in(job.recording)
     if of_file is not None and of_file < _CLOCKS:
-        warnings.append(f"its clock says {of_file:%Y-%m-%d}, so it had restarted, and is not used.")
+        warnings.append(f"its clock shows {of_file:%Y-%m-%d}: it was reset, so its date is not used.")
         of_file = None
     if of_file and of_table and abs(of_file - of_table) > _TOLERANCE:
         warnings.append(
-            f"the file is of {of_file:%Y-%m-%d %H:%M}, the table says {of_table:%Y-%m-%d %H:%M}; the file counts."
+            f"the file is dated {of_file:%Y-%m-%d %H:%M} and the table says {of_table:%Y-%m-%d %H:%M}; the date of "
+            "the file is used."
         )
     begin = of_file or of_table
     if begin and of_name and not of_name - _TOLERANCE <= begin <= of_name + _DAY + _TOLERANCE:
         where = "file" if of_file else "table"
-        warnings.append(f"its name is of {of_name:%Y-%m-%d}, the {where} of {begin:%Y-%m-%d}; the {where} counts.")
+        warnings.append(
+            f"its name says {of_name:%Y-%m-%d} and the {where} says {begin:%Y-%m-%d}; the date of the {where} is used."
+        )
     return replace(job, begin=begin or of_name, warnings=tuple(warnings))
 
 
@@ -184,7 +187,7 @@ def _axis(dated: Sequence[RecordingJob], warnings: list[str]) -> tuple[Axis, Flo
         back = np.flatnonzero(np.diff(values) < 0.0).tolist()
         if back:
             where = [dated[i + 1].recording for i in back]
-            warnings.append(f"{name} goes back at {listed(where, 3)}, and is not used for the trend.")
+            warnings.append(f"{name} decreases at {listed(where, 3)} and is not used for the trend.")
             continue
         if values.size == 1 or (values.size and values[-1] > values[0]):
             return axis, values - (values[0] if axis == "days" else 0.0)
@@ -332,7 +335,9 @@ def unmeasured(judged: Verdict, compared: Comparison | None) -> str:
     if judged.flawed:
         return " ".join(judged.reasons)
     if compared is None:
-        return "the calibration has no load in its file, so that there is nothing to compare with; save it again."
+        return (
+            "the file of the calibration has no load, so there is nothing to compare with; save the calibration again."
+        )
     if change_of(compared) is None:
         furthest = 1e3 * compared.reach
         return (

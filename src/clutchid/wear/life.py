@@ -102,8 +102,8 @@ _KNOWN = 0.5
 _ANYTHING = 0.9
 
 #: Why an outlier does not count: where it may be the first recording of a change, and where it is not.
-_WAITS = "outlier: the trend does not expect it, and the next recordings will say whether the clutch has changed."
-_ALONE = "outlier: the trend does not expect it, and the next recordings fit the trend without it."
+_WAITS = "outlier: far from the trend; the next recordings will show whether the clutch has changed."
+_ALONE = "outlier: far from the trend, and the next recordings fit the trend without it."
 
 
 class LifeRow(NamedTuple):
@@ -137,7 +137,7 @@ class Wear:
     readings
         What was measured in each recording.
     outcomes
-        What became of each measurement, one text each: 'used' and 'jump' count in the trend.
+        Outcome of each measurement; 'used' and 'jump' count in the trend.
     then
         Quantities by name, with 95 % bands, as known at each recording.
     now
@@ -151,13 +151,13 @@ class Wear:
     left : axis
         Remaining life; None without a limit, and after a change that no new clutch explains.
     warnings
-        What contradicts in the recordings and the table, one sentence each.
+        Contradictions in the recordings and the table, one sentence each.
     rests
         Moves of the vented rest, a row a recording.
     apart
-        The files without a place in this life, each with the reason: those that could not be read, and copies.
+        Files that are not part of this life, each with the reason: it could not be read, or is a copy.
     end_of_table : m
-        Wear beyond which the table says nothing, and where it is cut off; None without a table.
+        Largest wear in the table, at which the result is cut off; None without a table.
     waiting
         Numbers of the outliers that may be the first recording of a change.
 
@@ -209,7 +209,7 @@ class Wear:
 
     @property
     def present_rate(self) -> Interval:
-        """Rate of wear, or without a table of shift, in m per unit of `s`; NaN where it is not known.
+        """Rate of wear, or without a table of shift, in m per unit of `s`; NaN where unknown.
 
         It is not after a sudden change, nor where readings determine it little better than the prior does.
         """

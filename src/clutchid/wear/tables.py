@@ -81,7 +81,7 @@ def _by(path: Path, key: Callable[[RecordingJob], Key]) -> dict[Key, RecordingJo
             continue
         first = by_key.setdefault(key(entry), entry)
         if first is not entry and _known(first) != _known(entry):
-            problems.append(f"line {line}: '{entry.recording}' stands there twice, with other values.")
+            problems.append(f"line {line}: '{entry.recording}' is listed twice, with different values.")
     if problems:
         raise DataError.of(str(path), problems)
     return by_key
@@ -149,7 +149,7 @@ def _listed(row: Mapping[str, str]) -> RecordingJob:
     try:
         begin = datetime.fromisoformat(date) if date else None
     except ValueError:
-        raise ValueError(f"date '{date}' is no ISO date, such as 2026-11-23 or 2026-11-23T14:05.") from None
+        raise ValueError(f"date '{date}' is not an ISO date, such as 2026-11-23 or 2026-11-23T14:05.") from None
     return RecordingJob(
         split_name(Path(name).name)[0],
         row.get("vehicle", ""),
@@ -177,7 +177,7 @@ def _number(row: Mapping[str, str], name: str, most: float) -> float:
 
 def _value(text: str, least: float, most: float) -> float:
     if not _NUMBER.fullmatch(text):
-        raise ValueError(f"'{text}' is no number")
+        raise ValueError(f"'{text}' is not a number")
     if not least <= float(text) <= most:
         raise ValueError(f"'{text}' is not from {least:g} to {most:g}")
     return float(text)

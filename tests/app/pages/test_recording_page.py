@@ -127,7 +127,7 @@ def test_a_map_that_is_refused_says_so_at_the_table(page, strips):
     page.fill("[aria-label='Delay of Kupplungsweg_Ist in s']", "3")
     page.keyboard.press("Tab")
     page.click("#apply")
-    assert "a channel is at most 0.5 s late" in page.locator(".notice.bad").inner_text()
+    assert "a delay of at most 0.5 s is needed" in page.locator(".notice.bad").inner_text()
 
 
 def test_a_file_is_opened_by_its_path_without_an_upload(page):

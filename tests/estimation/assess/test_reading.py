@@ -55,9 +55,10 @@ def test_parameters_far_from_the_calibration_are_those_of_another_truck(reading,
     assert judged.trust == trust
     if trust == "none":
         assert judged.reasons[0] == (
-            "the calibration CAL.toml seems to be of another truck: no change explains a move of F_C from 109 to 185 "
-            "N and R_1ve from 0.93 to 0.9 (a squared distance of 32; a change has about 15); use the calibration of "
-            "this truck, or make one."
+            "the calibration CAL.toml seems to be of another truck: no usual change explains the values of Coulomb "
+            "friction, F_C (185 instead of 109 N) and duty cycle where the exhaust valve is fully open, R_1ve (0.9 "
+            "instead of 0.93), whose squared distance from the calibration is 32 (usually about 15); use the "
+            "calibration of this truck, or make one."
         )
 
 
@@ -79,7 +80,7 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
 def test_a_cost_that_the_calibration_did_not_have_is_a_reason(reading, ratio, trust):
     judged = verdict(replace(reading, departure=NEAR._replace(misfit=ratio)))
     assert judged.trust == trust
-    said = f"residuals in motion with {ratio:.1f} times the sum of squares"
+    said = f"squared residuals in motion {ratio:.1f} times as large"
     assert [said in reason for reason in judged.reasons] == [True] * (trust != "good")
 
 

@@ -94,9 +94,9 @@ def test_two_states_are_the_first_reason_and_take_the_good_trust_and_offer_to_fo
     judged = together(reading("new"), reading("worn", 1.2)).verdict
     assert judged.trust == "with care"
     assert judged.reasons[0].startswith(
-        "these are two states of wear: from new to worn the load over 5 to 8 mm rises by 20.0 % of the calibrated one "
-        "(their bands allow "
+        "these recordings show two states of wear: from new to worn the load over 5 to 8 mm rises by 20.0 % of the "
+        "calibrated load (their bands explain up to "
     )
     assert judged.reasons[0].endswith("clutchid track new worn --start CAL.toml --out WEAR.parquet")
     several = together(reading("a"), reading("b", 1.5), reading("c")).verdict.reasons[0]
-    assert several.startswith("these are two states of wear (a and c; b): from a to b ")
+    assert several.startswith("these recordings show two states of wear (a and c; b): from a to b ")

@@ -73,8 +73,8 @@ def test_the_pressure_is_found_from_position_alone_with_a_band(adapted, worn, re
 
 def test_the_notes_say_what_the_errors_look_like(adapted):
     said = re.fullmatch(
-        r"prediction errors of position: mean square ([\d.]+) times the expected one, 1 if the noise is as "
-        r"assumed; correlation of neighbouring samples (-?[\d.]+), 0 for a correct model\.",
+        r"prediction errors of position: mean square ([\d.]+) times the expected value \(1 if the noise is "
+        r"as assumed\); correlation of neighbouring samples (-?[\d.]+) \(0 for a correct model\)\.",
         adapted.notes[-1],
     )
     # 6000 samples tell a mean square to 2 %; the model made the recording, so the filter expects a little more

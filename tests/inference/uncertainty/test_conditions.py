@@ -92,7 +92,7 @@ def test_a_condition_that_the_calibration_lacks_is_one_sentence():
             {"temperature": 20.0},
             "ambient temperature",
             "bad",
-            "outside -60 to 90 degC; correct the unit in the heading",
+            "outside -60 to 90 °C; correct the unit in the heading",
         ),
         ({"temperature": np.linspace(280.0, 300.0, 100)}, "ambient temperature", "bad", "changes by 20 K in 0.99 s"),
         # what no air supply has is no value, and a fit does without; taken as values they would be refused

@@ -36,14 +36,14 @@ def moved(stamps, begin, end, by):
 
 #: Stamps as they are written, by trouble, and what is said of the repair, empty where samples are only counted.
 TROUBLES = {
-    "counter of 16 bits": (lambda t: np.round((t + 64.0) % 65.536, 6), "16 bits wraps.* 65.536 s are made good"),
-    "counter of 32 bits": (lambda t: np.round((t + 4294.0) % 4294.967296, 6), "32 bits wraps.* 4294.967296 s are made"),
+    "counter of 16 bits": (lambda t: np.round((t + 64.0) % 65.536, 6), "16 bits wraps.* 65.536 s are corrected"),
+    "counter of 32 bits": (lambda t: np.round((t + 4294.0) % 4294.967296, 6), "32 bits wraps.* 4294.967296 s are"),
     "midnight": (lambda t: np.round((t + 86399.0) % 86400.0, 6), "midnight passes"),
     "restart": (lambda t: np.where(t < 1.5, t + 7.0, t - 1.5), "restarts at .*each run becomes a separate segment"),
     "two restarts": (lambda t: np.round((t + 7.0) % 1.0, 6) + 5.0, "restarts at"),
     "jump ahead": (lambda t: moved(t, 1.5, 9.0, 3600.0), ""),
-    "short jump ahead": (lambda t: moved(t, 1.5, 1.6, 3600.0), "jumps at .* moved by -3[56]"),
-    "short jump back": (lambda t: moved(t + 9.0, 10.5, 10.6, -4.0), "jumps at .* moved by 4"),
+    "short jump ahead": (lambda t: moved(t, 1.5, 1.6, 3600.0), "jumps at .* is moved by -3[56]"),
+    "short jump back": (lambda t: moved(t + 9.0, 10.5, 10.6, -4.0), "jumps at .* is moved by 4"),
     "lone ahead": (lambda t: lone(t, 500, 1501, by=60.0), ""),
     "two ahead": (lambda t: lone(t, 1500, 1501, by=0.5), ""),
     "lone behind": (lambda t: lone(t + 9.0, 1500, by=-5.0), ""),

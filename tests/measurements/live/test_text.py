@@ -117,7 +117,7 @@ def test_the_dialect_is_that_of_the_first_lines_whatever_comes_with_them():
         (b"", "ended before the first sample"),
         (b"\n \n", "ended before the first sample"),
         (b"# only\n# remarks\n", "has no table"),
-        ("time [s],position [m]\n".encode("utf-16"), "is no text in UTF-8"),
+        ("time [s],position [m]\n".encode("utf-16"), "is not UTF-8 text"),
         (b"x" * (LONGEST + 1), "a line is longer than"),
         (b'{"a": \n{\n', "no line is a JSON object"),
     ],

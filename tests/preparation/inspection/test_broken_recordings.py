@@ -229,21 +229,21 @@ def test_a_zero_of_the_pressure_sensor_is_said_once_and_is_no_supply_pressure(ch
     assert check_of(sound, "vented pressure").grade == "good"
     seen = check_of(off, "vented pressure")
     assert seen.grade == "suspect"
-    assert ": the sensor's zero is off by +0.25" in seen.sentence
+    assert ": the zero of the sensor is off by +0.25" in seen.sentence
     supplied = Actuator().replace({"P_S": truck(4).P_S})
     bar = [float(check_of(log, "supply pressure", supplied).value.split()[0]) for log in (sound, off)]
     assert bar[1] == pytest.approx(bar[0], abs=0.03)
 
 
 def test_low_air_of_an_absolute_sensor_is_altitude_or_its_zero(recorded, check_of):
-    log, words = recorded(5), "altitude, or its zero; --ambient decides"
+    log, words = recorded(5), "because of altitude or a zero error; give --ambient to tell which"
     by_pressure = {
         bar: check_of(log.with_columns(pressure_a=log["pressure_a"] + 1e5 * bar - truck(5).P_0), "vented pressure")
         for bar in (1.02, 0.93, 0.8)
     }
     assert [check.grade for check in by_pressure.values()] == ["good", "good", "suspect"]
     assert [words in check.sentence for check in by_pressure.values()] == [False, True, False]
-    assert "by altitude, as a calibration takes it, or the sensor's zero is off by -0.2" in by_pressure[0.8].sentence
+    assert "altitude, as a calibration assumes, or the zero of the sensor is off by -0.2" in by_pressure[0.8].sentence
 
 
 def test_more_pressure_than_the_supply_has_is_bad(recorded, check_of):

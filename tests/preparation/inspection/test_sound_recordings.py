@@ -58,7 +58,7 @@ def test_a_recording_that_never_vents_assumes_a_vented_pressure_and_says_so(reco
     moving = moving.with_columns(duty_exhaust=np.minimum(moving["duty_exhaust"], 0.3))
     check = next(check for check in inspect(moving).checks if check.name == "vented pressure")
     assert (check.grade, check.value) == ("undetermined", "not settled")
-    assert "so that a calibration assumes 1.030 bar (std 6.0 kPa) there; record a second at rest" in check.sentence
+    assert "so a calibration assumes 1.030 bar (std 6.0 kPa) there; record a second at rest" in check.sentence
     assert check.sentence.endswith(", or give --ambient.")
     stated = replace(moving, metadata={VENTED_KEY: "95e3"})
     (check,) = [check for check in inspect(stated).checks if check.name == "vented pressure"]

@@ -76,11 +76,13 @@ FLAGGED: Mapping[str, Limit] = {
 ZeroKnown = Literal["no jump", "shown", "kept", "not shown", "no rest"]
 
 _ZEROS: Mapping[ZeroKnown, str] = {
-    "shown": "it counts from the vented rest since.",
-    "kept": "the vented rest since is not subtracted from it (--zero keep).",
-    "not shown": "no vented rest has shown its zero since, and it is left out.",
-    "no rest": "the calibration has no vented rest that would show its zero, and it is left out since: the load is the "
-    "one before; calibrate with a recording that has a vented rest.",
+    "shown": "it is measured from the vented rest after the jump.",
+    "kept": "the vented rest after the jump is not subtracted (--zero keep).",
+    "not shown": "no vented rest has shown the new zero yet, so the position is left out.",
+    "no rest": (
+        "the calibration has no vented rest to compare the new zero with, so the position is left out and the load "
+        "is that before the jump; calibrate with a recording that has a vented rest."
+    ),
 }
 
 
@@ -192,25 +194,26 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
     """Reasons that lower the trust: strokes, band, innovations, flags, supply, and the zero of the position."""
     strokes, half_width, (first, last) = indicators.strokes, indicators.half_width, ENGAGING
     if not indicators.adapts:
-        yield Reason("the load does not adapt with this method: it is that of the calibration.", True)
+        yield Reason("this method does not adapt the load, which stays as calibrated.", True)
     elif strokes < STROKES.care:
         ended = "no stroke has" if strokes == 0 else f"{strokes:d} stroke has"
         yield Reason(
-            f"{ended} ended, fewer than {STROKES.care:d}: the load is still that of the calibration, with what may "
-            "have changed since; record more strokes.",
+            f"{ended} ended, fewer than {STROKES.care:d}: the load is still the calibrated one, with a band for "
+            "possible changes since; record more strokes.",
             strokes < STROKES.none,
         )
     if not half_width <= HALF_WIDTH.care:
         width = f"± {100 * half_width:.0f} % of the peak" if np.isfinite(half_width) else "infinite"
         yield Reason(
-            f"the band of the load between {first * 1e3:.0f} and {last * 1e3:.0f} mm is {width}, wider than "
-            f"the limit of ± {100 * HALF_WIDTH.care:.0f} %; record more strokes.",
+            f"the band of the load between {first * 1e3:.0f} and {last * 1e3:.0f} mm is {width}; at most ± "
+            f"{100 * HALF_WIDTH.care:.0f} % is allowed; record more strokes.",
             not half_width <= HALF_WIDTH.none,
         )
     if indicators.mismatch > MISMATCH.care:
         yield Reason(
-            f"the innovations (NIS in motion) are {indicators.mismatch:.1f} times those of the calibration recordings, "
-            f"more than {MISMATCH.care:g}: the model may not hold any more; look for a fault, or calibrate again.",
+            f"the mean squared innovation in motion (NIS) is {indicators.mismatch:.1f} times that of the calibration "
+            f"recordings, above the limit of {MISMATCH.care:g}: the model may no longer hold; look for a fault, or "
+            "calibrate again.",
             indicators.mismatch > MISMATCH.none,
         )
     suspect = indicators.travel is not None and indicators.travel.suspect
@@ -224,16 +227,16 @@ def _reasons(indicators: Indicators) -> Iterator[Reason]:
     if indicators.supply != "measured":
         advice = "; record it" if indicators.supply == "not recorded" else ""
         yield Reason(
-            f"the supply pressure was {indicators.supply}: a supply 5 % below that of the calibration is taken for a "
-            f"load 6 % larger, and the band allows for it{advice}."
+            f"the supply pressure was {indicators.supply}: a supply pressure 5 % below that of the calibration would "
+            f"look like a 6 % larger load, and the band allows for this{advice}."
         )
     if indicators.pressure and indicators.pressure.deviates:
         yield pressure_reason(indicators.pressure)
     yield from kept_rest(indicators.kept_shift)
     if indicators.zero != "no jump":
         yield Reason(
-            "the position jumped as no piston moves, and stayed: its sensor was set to zero anew, or two recordings "
-            f"are joined; {_ZEROS[indicators.zero]}",
+            "the position jumped faster than a piston can move, and stayed there: the sensor was zeroed again, or "
+            f"two recordings were joined; {_ZEROS[indicators.zero]}",
             indicators.zero != "shown",
         )
     yield from indicators.unvented

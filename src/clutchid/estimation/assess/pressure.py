@@ -101,16 +101,19 @@ def pressure_reason(test: PressureTest) -> Reason:
     text = f"{difference_in_words(test)}, more than its sensor"
     if test.contradicts:
         text += (
-            " and its band allow: the calibration, the inputs or that sensor are wrong; check them, or calibrate with "
+            " and the band of the load allow: the calibration, the inputs or the sensor are wrong; check them, or "
+            "calibrate with "
         )
         return Reason(f"{text}this recording.", True)
-    return Reason(f"{text} explains: the load is that far off, as its band allows; calibrate with this recording.")
+    return Reason(
+        f"{text} explains: the load has an error of this size, which its band includes; calibrate with this recording."
+    )
 
 
 def pressure_notes(fit: Fit) -> list[str]:
     """The size of the test of each recording that supports the reading."""
     return [
-        f"{name}: {difference_in_words(test)}, as its sensor explains."
+        f"{name}: {difference_in_words(test)}, which the error of its sensor explains."
         for name, test in pressure_tests(fit).items()
         if not test.deviates
     ]
@@ -119,4 +122,4 @@ def pressure_notes(fit: Fit) -> list[str]:
 def difference_in_words(test: PressureTest) -> str:
     """Size of a test, as a clause."""
     size = f"{test.rms * 1e-3:.1f} kPa rms"
-    return f"the measured pressure_a, which is not fitted, differs from the estimated one by {size}"
+    return f"the measured pressure_a, which is not fitted, differs from the estimated pressure by {size}"

@@ -152,8 +152,8 @@ def departure_reasons(fit: Fit) -> Iterator[Reason]:
         without = fit.alternatives.get(cause.name)
         load = f", and {loads_in_words(without)}" if without else ""
         yield Reason(
-            f"{cause.sentence}: with that undone the innovations are {cause.innovations:.1f} times those of the "
-            f"calibration, as recorded they are {as_recorded.innovations:.1f} times{load}; {cause.remedy}.",
+            f"{cause.sentence}: without this fault the innovations are {cause.innovations:.1f} times those of the "
+            f"calibration; as recorded they are {as_recorded.innovations:.1f} times{load}; {cause.remedy}.",
             True,
         )
         return
@@ -162,25 +162,27 @@ def departure_reasons(fit: Fit) -> Iterator[Reason]:
     name, facts = _name_of(fit.baseline), []
     if nearer > FAR:
         moved = [
-            f"{m.name} from {m.before:.3g} to {m.after:.3g}{fit.actuator.unit_behind(m.name)}" for m in departure.moved
+            f"{fit.actuator.row(m.name).meaning}, {m.name} ({m.after:.3g} instead of {m.before:.3g}"
+            f"{fit.actuator.unit_behind(m.name)})"
+            for m in departure.moved
         ]
         facts.append(
-            f"a move of {in_words(moved)} (a squared distance of {departure.distance:.0f}; a change has about "
-            f"{departure.expected:.0f})"
+            f"the values of {in_words(moved)}, whose squared distance from the calibration is "
+            f"{departure.distance:.0f} (usually about {departure.expected:.0f})"
         )
     if departure.misfit > MISFIT:
-        facts.append(f"residuals in motion with {departure.misfit:.1f} times the sum of squares of the calibration")
+        facts.append(f"squared residuals in motion {departure.misfit:.1f} times as large as in the calibration")
     compared = _compared(fit.causes)
     if departs(fit):
         yield Reason(
-            f"the calibration {name} seems to be of another truck: no change explains {' and '.join(facts)}{compared}; "
-            "use the calibration of this truck, or make one.",
+            f"the calibration {name} seems to be of another truck: no usual change explains "
+            f"{' and '.join(facts)}{compared}; use the calibration of this truck, or make one.",
             True,
         )
     else:
         yield Reason(
-            f"the recording does not fit the calibration {name}: {' and '.join(facts)}{compared}; check its channels, "
-            "and that the calibration is of this truck."
+            f"the recording does not fit the calibration {name}: no usual change explains "
+            f"{' and '.join(facts)}{compared}; check its channels, and that the calibration is of this truck."
         )
 
 
@@ -204,9 +206,9 @@ def _compared(causes: Sequence[InputFault]) -> str:
         return ""
     best = min((cause for cause in causes if cause.sentence), key=lambda cause: cause.innovations)
     return (
-        "; neither a shift, filter, clock, gain nor inversion of the inputs explains it (innovations "
-        f"{of_no_fault(causes).innovations:.1f} times those of the calibration, and {best.innovations:.1f} times with "
-        "the likeliest fault undone)"
+        "; neither a shift, filter, clock, gain nor inversion of the inputs explains it (the innovations are "
+        f"{of_no_fault(causes).innovations:.1f} times those of the calibration, and {best.innovations:.1f} times "
+        "without the likeliest fault)"
     )
 
 
@@ -400,8 +402,8 @@ def _reasons(fit: Fit, judged: Evidence) -> Iterator[Reason]:
     furthest, (begin, end) = reach(fit), ENGAGING
     if not furthest >= end:
         yield Reason(
-            f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to {end * 1e3:.0f} "
-            f"mm, so that the load there is not determined: reach {end * 1e3:.0f} mm or more.",
+            f"the recordings reach {furthest * 1e3:.1f} mm; the clutch engages at {begin * 1e3:.0f} to "
+            f"{end * 1e3:.0f} mm, so the load there is not determined: reach {end * 1e3:.0f} mm or more.",
             furthest < begin,
         )
 
@@ -423,8 +425,8 @@ def unvented_baseline(calibration: Calibration | None) -> list[Reason]:
     """That a calibration saw no settled vented rest; none where it did."""
     if calibration is None or calibration.vented:
         return []
-    text = f"the recordings of the calibration {_name_of(calibration)} show no settled vented rest, so that its loads "
-    return [Reason(f"{text}are known by the prior of the ambient pressure only; {RECORD_REST}, and calibrate again.")]
+    text = f"the recordings of the calibration {_name_of(calibration)} show no settled vented rest, so its loads "
+    return [Reason(f"{text}rest on the assumed ambient pressure only; {RECORD_REST}, and calibrate again.")]
 
 
 def ambient_reasons(fit: Fit) -> Iterator[Reason]:
@@ -436,7 +438,10 @@ def ambient_reasons(fit: Fit) -> Iterator[Reason]:
         if base == "P_0" and not any(settled[log] for log in logs):
             half, curve = QUANTILE * estimate.std, fit.load_curve
             share = half * fit.actuator.parameters.A_A / curve.force[curve.peak(reach(fit))]
-            text = f"{in_words(logs)}: {UNSETTLED}, so that {name} is known to ± {half * 1e-3:.1f} kPa, "
+            text = (
+                f"{in_words(logs)}: {UNSETTLED}, so the ambient pressure, {name}, is known only to ± "
+                f"{half * 1e-3:.1f} kPa, "
+            )
             advice = remedy(fit.recordings[log].measured for log in logs)
             yield Reason(f"{text}± {100 * share:.1f} % of the peak; {advice}.")
 
@@ -489,8 +494,8 @@ def _wide_interval(fit: Fit) -> Iterator[Reason]:
         at = curve.position[inside][broad] * 1e3
         widest = f"up to ± {100 * np.max(half) / peak:.0f} % of the peak" if finite.all() else "infinite in part"
         yield Reason(
-            f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm, wider than the limit of ± "
-            f"{100 * WIDE:.0f} %; record longer, or with more strokes.",
+            f"the interval of the load is {widest} between {at[0]:.1f} and {at[-1]:.1f} mm; at most ± "
+            f"{100 * WIDE:.0f} % is allowed; record longer, or with more strokes.",
             bool(np.median(half) > peak),
             banded=bool(finite.all()),
         )

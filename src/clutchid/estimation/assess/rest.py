@@ -110,7 +110,7 @@ def kept_rest(shift: float, recording: str = "") -> list[Reason]:
     return [
         Reason(
             f"{recording}{': ' if recording else ''}the vented rest has moved by {shift * 1e3:+.2f} mm since the "
-            "calibration, and was kept (--zero keep): the load is over another zero, and may have errors that its "
-            "interval does not include."
+            "calibration and was not subtracted (--zero keep): the load refers to a different zero, and may have "
+            "errors that its interval does not include."
         )
     ]

@@ -133,11 +133,13 @@ def states_reasons(fit: Fit) -> list[Reason]:
     if states is None:
         return []
     count, most = len(states.groups), states.most
-    text = f"these are {_NUMBERS.get(count, str(count))} states of wear"
+    text = f"these recordings show {_NUMBERS.get(count, str(count))} states of wear"
     if len(fit.readings) > 2:
         text += f" ({'; '.join(in_words(list(group)) for group in states.groups)})"
-    text += f": from {most.first} to {most.second} {' and '.join(_how_far(most))}. One load for all of them describes "
-    return [Reason(f"{text}none: use the readings one by one, or follow the wear with {track_command(fit)}")]
+    text += f": from {most.first} to {most.second} {' and '.join(_how_far(most))}. One load for all of them fits "
+    return [
+        Reason(f"{text}none of them: use the estimate of each recording, or follow the wear with {track_command(fit)}")
+    ]
 
 
 def _how_far(most: ReadingDifference) -> list[str]:
@@ -146,12 +148,12 @@ def _how_far(most: ReadingDifference) -> list[str]:
     if abs(most.load) > most.load_allowed:
         verb, by, allowed = "rises" if most.load > 0.0 else "falls", 100 * abs(most.load), 100 * most.load_allowed
         parts.append(
-            f"the load over {begin} to {end} mm {verb} by {by:.1f} % of the calibrated one (their bands allow "
-            f"{allowed:.1f} %)"
+            f"the load over {begin} to {end} mm {verb} by {by:.1f} % of the calibrated load (their bands explain up "
+            f"to {allowed:.1f} %)"
         )
     if abs(most.shift) > most.shift_allowed:
         by, allowed = most.shift * 1e3, most.shift_allowed * 1e3
-        parts.append(f"the half-load position moves by {by:+.2f} mm (their bands allow ±{allowed:.2f} mm)")
+        parts.append(f"the half-load position moves by {by:+.2f} mm (their bands explain up to ±{allowed:.2f} mm)")
     return parts
 
 
@@ -175,7 +177,7 @@ def nothing_in_common(readings: Mapping[str, Fit]) -> str:
     two = {"another vehicle", ""} <= {*why.values()}
     head = "these recordings are of two vehicles" if two else "these recordings have no load in common"
     lines = (f"{name}: {_alone(reading, why[name])}" for name, reading in readings.items())
-    return "\n".join([f"{head}, and were read one by one only.", *lines])
+    return "\n".join([f"{head}, so each was estimated on its own.", *lines])
 
 
 def _alone(reading: Fit, why: str) -> str:
@@ -184,11 +186,11 @@ def _alone(reading: Fit, why: str) -> str:
     if why == "not converged" and reading.departure:
         times, file = reading.departure.misfit, recording.measured.metadata.get("source", recording.measured.name)
         return (
-            f"{why}, at {times:.0f} times the cost of the calibration; leave it out, and see what is wrong with it: "
-            f"{command_line(['clutchid', 'look', file, '--start', start])}"
+            f"{why}, with a cost {times:.0f} times that of the calibration; leave the recording out, and look for "
+            f"its fault: {command_line(['clutchid', 'look', file, '--start', start])}"
         )
     if why:
-        return f"of {why} than {start}; take the calibration of its own."
+        return f"of {why} than {start}; use the calibration of that vehicle."
     at = curve.peak(reach(reading))
     load = f"at most {curve.force[at]:.0f} ± {(curve.high[at] - curve.low[at]) / 2:.0f} N"
     return f"of the vehicle of {start}, {load}, trust {verdict(reading).trust}."
@@ -202,12 +204,12 @@ Trust = Literal["good", "with care", "none"]
 PAPER_OFF, PAPER_HELD = 18, 37
 
 #: Note on the interval of a fit without a calibration.
-NOISE_ONLY = "± is noise only"
+NOISE_ONLY = "± includes only noise"
 
 #: Meanings of the levels of trust.
 _MEANING: Mapping[Trust, str] = {
-    "good": "no reason against the results was found; use them within their intervals.",
-    "with care": "the load or its interval may be wrong, for these reasons.",
+    "good": "no reason to doubt the results was found; use them within their intervals.",
+    "with care": "the load or its interval may be wrong for these reasons.",
     "none": "do not use these results.",
 }
 
@@ -221,17 +223,17 @@ class Verdict:
     trust
         'good', 'with care' or 'none'.
     reasons
-        What lowers the trust, one sentence each; empty if it is good.
+        Reasons that lower the trust, one sentence each; empty if it is good.
     unseen
         What this verdict cannot show, one sentence each.
     flawed
-        Whether a reason takes trust that the interval of the load does not contain.
+        Whether a reason concerns an error that the interval of the load does not contain.
     notes
-        What looks like a reason and is none, one sentence each.
+        Findings that do not lower the trust, one sentence each.
     experience
         How far off loads without a calibration were on virtual trucks, in a sentence; empty for others.
     noise_only
-        Whether the interval lacks the errors of what is assumed, as without a calibration.
+        Whether the interval lacks the errors of assumed parameters, as without a calibration.
 
     Examples
     --------
@@ -255,7 +257,10 @@ class Verdict:
     def meaning(self) -> str:
         """Meaning of the trust, in a sentence."""
         if self.noise_only and self.trust == "good":
-            return f"no reason against the results was found, if what is not fitted is right: {NOISE_ONLY}."
+            return (
+                "no reason to doubt the results was found, provided that the parameters that were not fitted are "
+                f"right: {NOISE_ONLY}."
+            )
         return _MEANING[self.trust]
 
 
@@ -279,7 +284,7 @@ def verdict(fit: Fit) -> Verdict:
     The interval is too narrow if residuals are autocorrelated, correlate with a valve, and correspond to a
     load larger than the width of the interval. If the position follows the measurement, as in multiple shooting, this
     is tested with the pressure only. A load from position alone is judged by how far the recording departs from the
-    calibration, `clutchid.estimation.assess.reasons`: neither bounds nor simulated positions told its error.
+    calibration, `clutchid.estimation.assess.reasons`: bounds and simulated positions did not indicate its error.
 
     Examples
     --------
@@ -328,7 +333,7 @@ def _experience(fit: Fit) -> str:
     if not noise_only(fit):
         return ""
     if not _as_in_the_paper(fit):
-        return f"{NOISE_ONLY}: the error of what is assumed is not in it."
+        return f"{NOISE_ONLY}, not errors of the assumed parameters."
     return (
         f"{NOISE_ONLY}: on virtual trucks the median error of such a load was {PAPER_OFF} % of its peak, and its "
         f"band contained {PAPER_HELD} % of the points."
@@ -342,7 +347,7 @@ def _unseen(fit: Fit) -> tuple[str, ...]:
     how, unit, units = steps.get(fit.method, ("a fit by prediction error", "sample", "samples"))
     pressure = "the measured pressure and " if "pressure_a" in fit.scales else ""
     return (
-        f"in {how} the position follows the measurement from {unit} to {unit}, so that its residual does not test the "
-        f"model; the steps between {units} would. The verdict uses {pressure}the position simulated for "
-        f"{HORIZON:g} s at a time.",
+        f"in {how} the position follows the measurement from {unit} to {unit}, so its residual does not test the "
+        f"model; the steps between {units} would. The verdict uses {pressure}the position simulated for {HORIZON:g} "
+        "s at a time.",
     )

@@ -111,14 +111,15 @@ class Calibration:
         Mean normalised innovation squared of an observer of the calibration recordings, NaN if it is not known.
     vented
         Whether a recording shows a settled vented rest, see `clutchid.strokes.vented_pressure`. Without one
-        the ambient pressure, and with it the load, is known by its prior only.
+        only the prior determines the ambient pressure, and with it the load.
     rest : VentedRest, optional
-        Of the calibration recordings: where travel is counted from. None without a rest, or in an older file.
+        Vented rest of the calibration recordings, from which the travel is measured; None without a rest, or in an
+        older file.
     travel : Travel, optional
         Of the piston in the calibration recordings; None in an older file.
     missed : N
-        Standard deviation of the error of the calibrated load by what the model misses, at every position; 0 in an
-        older file. The band of this load has it, `theta_covariance` and later fits do not.
+        Standard deviation of the calibrated load due to errors of the model, at every position; 0 in an older
+        file. The band of this load includes it; `theta_covariance` and later fits do not.
 
     Examples
     --------

@@ -124,14 +124,13 @@ def condition_problems(log: Log, actuator: Actuator) -> dict[str, str]:
         low, high, seconds = temperature.min(), temperature.max(), log.time[-1] - log.time[0]
         if low < AIR[0] or high > AIR[1]:
             problems["temperature_ambient"] = (
-                f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} degC, outside "
-                f"{AIR[0] - 273.15:g} to {AIR[1] - 273.15:g} degC; correct the unit in the heading (K or degC), or "
-                "remove the column."
+                f"temperature_ambient is {low - 273.15:.4g} to {high - 273.15:.4g} °C, outside {AIR[0] - 273.15:g} "
+                f"to {AIR[1] - 273.15:g} °C; correct the unit in the heading (K or degC), or remove the column."
             )
         elif high - low > SWING + RATE * seconds:
             problems["temperature_ambient"] = (
                 f"temperature_ambient changes by {high - low:.3g} K in {seconds:.3g} s, where at most "
-                f"{SWING + RATE * seconds:.3g} K are possible; remove what is not the temperature of the air."
+                f"{SWING + RATE * seconds:.3g} K are possible; remove the values that are not air temperatures."
             )
     ambient = actuator.parameters.P_0
     if supply.size and supply.min() < ambient:
@@ -196,7 +195,7 @@ def gauge_sentence(difference: float) -> str:
     """Clause about a supply pressure that differs from the calibrated one by an atmosphere."""
     return (
         f"pressure_supply is {abs(difference) * 1e-5:.1f} bar {'below' if difference < 0.0 else 'above'} that of the "
-        "calibration: gauge taken for absolute in one of them? Correct its unit (bar(g) is gauge)"
+        "calibration: one of them may be gauge pressure that was read as absolute. Correct its unit (bar(g) is gauge)"
     )
 
 

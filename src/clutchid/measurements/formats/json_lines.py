@@ -33,8 +33,8 @@ def keys_of(text: bytes, name: str) -> list[str]:
     keys = list(dict.fromkeys(key for record in map(_object, text.split(b"\n")) if record for key in record))
     if not keys:
         raise DataError(
-            f'{name}: no line is a JSON object; send an object a line, such as {{"time [s]": 0.0, "position [m]": 0.0, '
-            '"duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
+            f'{name}: no line is a JSON object; send one object per line, such as {{"time [s]": 0.0, "position [m]": '
+            '0.0, "duty_supply [1]": 0.0, "duty_exhaust [1]": 0.0}.'
         )
     return keys
 
@@ -130,10 +130,10 @@ def open_file(path: Path) -> Source:
     values, spoiled, left_out = read_objects(text, keys)
     columns = headings(keys)
     clock = next((column.index for column in columns if column.name == "time"), None)
-    warnings = (f"{left_out:,} lines that are no JSON object are left out.",) if left_out else ()
+    warnings = (f"{left_out:,} lines that are not JSON objects are left out.",) if left_out else ()
     if spoiled.any():
         where = Places("line").ranges(np.flatnonzero(spoiled))
-        warnings = (*warnings, f"values that are no numbers are missing in {where}.")
+        warnings = (*warnings, f"values that are not numbers count as missing in {where}.")
 
     def tables(_raster: int, chosen: Sequence[int], rows: int | None = None) -> Iterator[Table]:
         numbers = {index: values[index] for index in chosen}

@@ -98,4 +98,4 @@ def _unpack(file: Path, to: Path) -> None:
                     raise DataError(f"{file}: unpacks to more than {most / 1e9:.3g} GB; unpack and shorten it.")
                 plain.write(chunk)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise DataError(f"{file}: is no whole gzip file ({error}); copy it again.") from error
+        raise DataError(f"{file}: is not a complete gzip file ({error}); copy it again.") from error

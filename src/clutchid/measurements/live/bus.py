@@ -191,7 +191,7 @@ def bus_blocks(
         If cantools is not installed.
     """
     if not dbc:
-        raise DataError(f"{name}: a bus has raw frames; give the DBC of it with --dbc FILE.")
+        raise DataError(f"{name}: a bus carries raw frames; give its DBC with --dbc FILE.")
     messages = tuple(message for file in dbc for message in read_dbc(plain_file(file, "DBC file")))
     first, layout = _learnt(frames, name, catalogue(messages), channels, required)
     layout = layout if origin is None else replace(layout, origin=origin)
@@ -225,7 +225,9 @@ def _learnt(
         late = block is None or waited >= _PATIENT
         wanted = required if late or waited >= SLOW_MESSAGES or channels is None else (*required, *channels.channels)
         if late and not streams:
-            raise DataError(f"{name}: no frame came that the DBC knows; give the DBC of this bus with --dbc FILE.")
+            raise DataError(
+                f"{name}: no frame that the DBC defines has arrived; give the DBC of this bus with --dbc FILE."
+            )
         ordered = streams_in_order(streams, lookup.messages)
         try:
             picks = picked_streams(name, stream_rasters(ordered, {}), channels, wanted)

@@ -129,7 +129,7 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
         text = rest + piece
         if not begun and len(text) >= len(BOM_UTF8):
             if text.startswith(BOMS_UTF16):
-                raise DataError(f"{name}: is no text in UTF-8; send CSV or JSON lines, a sample a line.")
+                raise DataError(f"{name}: is not UTF-8 text; send CSV or JSON lines, one sample per line.")
             text, begun = text.removeprefix(BOM_UTF8), True
         end = text.rfind(b"\n") + 1 if begun else 0
         rest = text[end:]
@@ -138,7 +138,7 @@ def _whole_lines(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
             yield _as_utf8(text[:end]).replace(b"\r\n", b"\n")
         if len(rest) > LONGEST and not any_:
             raise DataError(
-                f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, a sample a line."
+                f"{name}: a line is longer than {LONGEST:,} bytes; send CSV or JSON lines, one sample per line."
             )
         rest = rest if len(rest) <= LONGEST else _TOO_LONG + rest[-LONGEST // 2 :]
 
@@ -220,8 +220,8 @@ def _check_one_time(name: str, raster: Raster, first: Table, times: Sequence[int
     if increase(first, times) and any(not np.array_equal(other, stamps[0], equal_nan=True) for other in stamps[1:]):
         texts = listed([repr(heading.text) for heading in raster.headings if heading.index in times])
         raise DataError(
-            f"{name}: has a time for each of several channels: {texts}. On line a row has one time, with the cells of "
-            "channels that have no sample then left empty; a file is read with all of its times."
+            f"{name}: has a time for each of several channels: {texts}. On line a row has one time, and the cells of "
+            "channels without a sample at that time stay empty; in a file all times are read."
         )
 
 

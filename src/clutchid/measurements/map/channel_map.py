@@ -38,7 +38,7 @@ _RULES = MappingProxyType(
         "factor": Rule("must be finite and not 0", lambda factor: factor != 0.0 and math.isfinite(factor)),
         "offset": Rule("a finite number is needed", math.isfinite),
         "delay": Rule(
-            f"a channel is at most {_LONGEST_DELAY:g} s late; write it in s, 0.008 for 8 ms",
+            f"a delay of at most {_LONGEST_DELAY:g} s is needed, in s: 0.008 for 8 ms",
             lambda delay: abs(delay) <= _LONGEST_DELAY,
         ),
         "longest": Rule("must be above 0 s", lambda time: 0.0 < time < math.inf),

@@ -34,7 +34,7 @@ def pick(
     for name, entry in channels.channels.items():
         places = _named(source, entry)
         if not places and name in OPTIONAL and name not in required:
-            notes.append(f"{name}: this file has no channel '{entry.channel}', and is read without it.")
+            notes.append(f"{name}: this file has no channel '{entry.channel}' and is read without it.")
             continue
         if len(places) != 1:
             problems.append(_misfit(source, name, entry, places))
@@ -85,7 +85,7 @@ def own_clock(raster: Raster) -> tuple[Heading | None, str]:
         warning = f"time: the unit [{unit}] is taken from the name of the channel '{heading.text}'."
     elif heading.unit is None:
         reason = "has no unit" if means_time(heading.text) else "increases and is taken for time"
-        warning = f"time: '{heading.text}' {reason}; [s] is guessed. Give another one in [time] of a channel map."
+        warning = f"time: '{heading.text}' {reason}; [s] is guessed. Give the right one in [time] of a channel map."
     return replace(heading, name="time", unit=unit), warning
 
 
@@ -136,7 +136,7 @@ def _namesakes(name: str, heading: Heading, raster: Raster) -> list[str]:
     others = [f"'{other.text}'" for other in raster.headings if again.fullmatch(other.text)]
     if not others:
         return []
-    return [f"{name}: the first channel '{heading.text}' is read, not {' or '.join(others[:_SHOWN])}."]
+    return [f"{name}: the first channel '{heading.text}' is used, not {' or '.join(others[:_SHOWN])}."]
 
 
 def _bare(text: str) -> str:

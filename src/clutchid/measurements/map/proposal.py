@@ -80,7 +80,7 @@ class Candidate:
         if self.name not in INPUTS or self.score >= STANDARD or self.heading.unit == "%":
             return ""
         if is_beside(self.heading.text):
-            return "is called like a flag or a state"
+            return "has the name of a flag or a state"
         return "is 0 or 1 only" if self.span.switched else ""
 
     @property
@@ -289,7 +289,7 @@ def _units_to_write(source: Source, proposal: Proposal) -> list[str]:
         for heading in source.headings
         if heading.unit is None and units.get(heading.text)
     ]
-    return [f"write units in brackets behind the names: {', '.join(headings)}, if that is right."] if headings else []
+    return [f"write units in brackets after the names: {', '.join(headings)}, if that is right."] if headings else []
 
 
 def _timed(source: Source) -> bool:

@@ -94,7 +94,9 @@ def _name_problems(model: OwnModel, base: System) -> Iterator[str]:
     seen: dict[str, str] = {}
     for what, name in new:
         if not isinstance(name, str) or not _NAME.fullmatch(name) or keyword.iskeyword(name):
-            yield f"{what} {name!r}: a name has letters, digits and _, begins with a letter and is no word of Python."
+            yield (
+                f"{what} {name!r}: a name has letters, digits and _, begins with a letter and is not a Python keyword."
+            )
         elif what != "model" and (name in meanings or re.fullmatch(r"theta_\d+", name)):
             yield f"{what} {name}: the name is taken, by {meanings.get(name, 'a load weight')}; choose another one."
         elif what == "term" and name.startswith("d_"):
@@ -139,7 +141,7 @@ def _parameter_problems(parameter: OwnParameter) -> Iterator[str]:
     elif len(limits) != 2 or not parameter.range[0] < parameter.range[1]:
         yield f"range = {parameter.range}: the smallest and the largest admissible value are needed, in this order."
     elif not parameter.row.admits(parameter.default):
-        yield f"default = {parameter.default!r} {parameter.unit}: it is {parameter.row.allowed}."
+        yield f"default = {parameter.default!r} {parameter.unit}: it must be {parameter.row.allowed}."
     for key, std in optional.items():
         if not 0.0 < std < math.inf:
             of = "a prior" if key == "std" else "a change on line"
@@ -211,7 +213,7 @@ def _unknown_symbol(name: str, symbols: set[str], model: OwnModel, states: list[
     near = difflib.get_close_matches(name, sorted(symbols), n=1, cutoff=0.4)
     hint = f"; did you mean '{near[0]}'?" if near else "."
     return (
-        f"'{name}' is no state, input, parameter or term{hint} States are {', '.join(states)}; own parameters are "
+        f"'{name}' is not a state, input, parameter or term{hint} States are {', '.join(states)}; own parameters are "
         f"{', '.join(model.parameters) or 'none'}; the others are in docs/equations.md."
     )
 

@@ -36,7 +36,9 @@ def own_model(path: str | PathLike[str], name: str) -> OwnModel:
     models = {key: value for key, value in names.items() if isinstance(value, OwnModel)}
     if name not in models:
         if name in names:
-            raise ParameterError(f"{path}: {name} is no OwnModel but {type(names[name]).__name__}; {_listed(models)}")
+            raise ParameterError(
+                f"{path}: {name} is not an OwnModel but {type(names[name]).__name__}; {_listed(models)}"
+            )
         raise ParameterError(f"{path}: there is no '{name}'; {_listed(models)}")
     return replace(models[name], name=name, file=file.name)
 

@@ -75,7 +75,7 @@ def dimension_of(unit: str) -> Dimension:
     for part, sign in parts:
         match = _FACTOR.fullmatch(part)
         if match is None or match[1] not in SI:
-            raise ValueError(f"'{part}' is no SI unit; known are {', '.join(SI)}")
+            raise ValueError(f"'{part}' is not an SI unit; the known units are {', '.join(SI)}")
         power = sign * int((match[2] or "1").translate(_SUPERSCRIPTS))
         total = [old + power * exponent for old, exponent in zip(total, SI[match[1]], strict=True)]
     return tuple(total)

@@ -46,8 +46,8 @@ def pressure_unit(reading: InspectedRecording) -> Check:
     value = f"{low:.4g} to {high:.4g}"
     if reading.ends["pressure_a"].low == reading.ends["pressure_a"].high:
         sentence = (
-            f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or the channel is another "
-            "one; leave the column out, or take the right channel."
+            f"pressure_a is {low:.4g} Pa in every sample, so its sensor was not connected or this is the wrong "
+            "channel; leave the column out, or use the right channel."
         )
         return Check(_PRESSURE_UNIT, f"{low:.4g} Pa throughout", "bad", sentence)
     written = UNITS.get(reading.log.metadata.get(UNIT_KEY, "Pa"), UNITS["Pa"])
@@ -72,8 +72,8 @@ def pressure_unit(reading: InspectedRecording) -> Check:
         else f"which is not an absolute pressure between ambient ({p.P_0:.4g} Pa) and supply ({p.P_S:.4g} Pa)"
     )
     sentence = (
-        f"pressure_a ranges from {value} Pa, {what}; a fit that uses it is wrong; {guess} in the column heading or in "
-        "the channel map."
+        f"pressure_a ranges from {value} Pa, {what}; a fit that uses it would be wrong; {guess} in the column "
+        "heading or in the channel map."
     )
     return Check(_PRESSURE_UNIT, f"{value} Pa", grade, sentence)
 
@@ -119,10 +119,13 @@ def vented(reading: InspectedRecording) -> Check:
     shown = _with_std(*(pressure or prior)[:2])
     if pressure is not None:
         low = prior is ABSOLUTE and pressure.mean < _LOW_AIR
-        said = f"at the vented rest the sensor shows {shown}{': altitude, or its zero; --ambient decides' * low}."
+        said = (
+            "at the vented rest the sensor shows "
+            f"{shown}{', because of altitude or a zero error; give --ambient to tell which' * low}."
+        )
         _, off = sensor_zero(reading.log)
         return Check(_VENTED_PRESSURE, shown, "suspect" if off else "good", off or said)
-    sentence = f"{UNSETTLED}, so that a calibration assumes {shown} there; {remedy([reading.log])}."
+    sentence = f"{UNSETTLED}, so a calibration assumes {shown} there; {remedy([reading.log])}."
     return Check(_VENTED_PRESSURE, "not settled", "undetermined", sentence)
 
 
@@ -270,7 +273,7 @@ def conditions(reading: InspectedRecording) -> list[Check]:
         moves = "falls" if after < before else "rises"
         sentence = (
             f"the recorded supply {moves} from {before * 1e-5:.2g} to {after * 1e-5:.2g} bar at {at:.3g} s; a fit "
-            "takes its mean, so read the parts before and after on their own."
+            "takes its mean, so estimate the parts before and after separately."
         )
         checks.append(Check(names["pressure_supply"], str(values.pop("pressure_supply")), "suspect", sentence))
     return checks + [

@@ -189,9 +189,9 @@ def quantisation(reading: InspectedRecording, name: str) -> Check:
     if grade == "good":
         return Check(title, value, grade, f"{name} has a quantisation step of {_fine(step, name)}, which is harmless.")
     sentence = (
-        f"{name} has a quantisation step of {_fine(step, name)}, noise of {_fine(noise, name)}, and friction in the "
-        f"model is worth {_fine(friction, name)}: the rounding error is not random, so a fit distorts the load and its "
-        "intervals are too narrow; record with more digits or bits."
+        f"{name} has a quantisation step of {_fine(step, name)}, noise of {_fine(noise, name)}, and the friction of "
+        f"the model corresponds to {_fine(friction, name)}: the rounding error is not random, so a fit distorts the "
+        "load and its intervals are too narrow; record with more digits or bits."
     )
     return Check(title, value, grade, sentence)
 
@@ -228,21 +228,21 @@ def motion(reading: InspectedRecording) -> Check:
     value = f"{shown(reach, 'position')} in {length:.3g} s"
     if reach <= max(_REACH * reading.actuator.parameters.y_max, reading.blur("position")):
         sentence = (
-            f"the position changes by {shown(reach, 'position')} only, so nothing can be learned about the load; "
+            f"the position changes by {shown(reach, 'position')} only, so it contains no information about the load; "
             "record strokes, and check the channel and the unit of the position."
         )
         return Check(MOTION, value, "bad", sentence)
     if reading.driven and all(_is_constant(log[name]) for name in INPUTS):
         sentence = (
-            "the piston moves, but neither duty cycle ever changes, so a fit cannot know what moves it; take the right "
-            "channels for duty_supply and duty_exhaust."
+            "the piston moves, but neither duty cycle ever changes, so a fit cannot know what moves it; use the "
+            "right channels for duty_supply and duty_exhaust."
         )
         return Check(MOTION, value, "bad", sentence)
     closed = [name for name in INPUTS if reading.driven and 0.0 < np.fmax.reduce(log[name], initial=0.0) <= _FRACTION]
     if closed:
         sentence = (
-            f"the piston moves, but {' and '.join(closed)} never exceeds 1 %, which opens no valve: the values seem to "
-            "be fractions, written under %; write the unit 1 in the column heading or in the channel map."
+            f"the piston moves, but {' and '.join(closed)} never exceeds 1 %, which opens no valve: the values seem "
+            "to be fractions in a column labelled %; write the unit 1 in the column heading or in the channel map."
         )
         return Check(MOTION, value, "bad", sentence)
     return Check(MOTION, f"for {length:.3g} s", "good", f"the piston moves over {value}.")
@@ -346,7 +346,7 @@ def rest_check(rested: ZeroedLog) -> Check:
         return Check(VENTED_REST, value, "good", f"it is where it was at the calibration, {value}.")
     causes = "the position sensor or its bracket" if shift.value > 0.0 else "wear or the position sensor"
     sentence = (
-        f"it has moved by {value} since the calibration, by {causes}; a reading subtracts that "
+        f"it has moved by {value} since the calibration, because of {causes}; an estimate subtracts this shift "
         "unless --zero keep is given."
     )
     return Check(VENTED_REST, value, "suspect", sentence)

@@ -56,9 +56,11 @@ def sample_rate(reading: InspectedRecording) -> Check:
     knots = f", more than the narrowest knot interval of the load curve ({narrowest * 1e3:.3g} mm)"
     advice = {
         "good": "",
-        "suspect": f"{knots if _PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the "
-        "samples, at times that are not recorded, so that a load is smoothed and shifted, and its trust 'with care' at "
-        f"best; record at {needed:.4g} Hz or more.",
+        "suspect": (
+            f"{knots if _PER_INTERVAL * travel > narrowest else ''}: the valves open and close between the samples, "
+            "at times that are not recorded, so the load is smoothed and shifted, and its trust is 'with care' at "
+            f"best; record at {needed:.4g} Hz or more."
+        ),
         "bad": f" of a stroke of {p.y_max * 1e3:.3g} mm: fast strokes have too few samples and a fit would be wrong; "
         f"record at {needed:.4g} Hz or more{unit}.",
     }

@@ -118,7 +118,7 @@ class FileTroubles:
 
     def _move(self, path: Path, place: Path) -> None:
         self.moved[path] = place
-        self._note(f"{path}: cannot be written any more; it is in {place} instead.")
+        self._note(f"{path}: can no longer be written; it is in {place} instead.")
 
     @contextmanager
     def spooled(self, path: Path) -> Iterator[AddBlock]:

@@ -128,7 +128,7 @@ def shown_clock(sentences: Sequence[str], said: int) -> Sequence[str]:
     from clutchid.observer.live import SENTENCES
 
     shown = list(sentences[: max(SENTENCES - said, 0)])
-    last = f"further sentences about the clock are not shown; of these the last {SENTENCES} come with the result."
+    last = f"further warnings about the clock are not shown; the last {SENTENCES} of them come with the result."
     return [*shown, last] if said <= SENTENCES < said + len(sentences) else shown
 
 

@@ -164,10 +164,13 @@ def published_lines(stopped: Stopped) -> Iterator[Publish]:
                 open_ = False
                 discard_output()
                 reason = "closed" if is_closed_pipe(error) else f"lost ({error.strerror or error})"
-                say_unhurried([f"standard output was {reason}: nothing is published any more, the recording goes on."])
+                say_unhurried([f"standard output was {reason}: nothing more is published; the recording goes on."])
                 return
             if stalled and not earlier and not stopped():
-                left = "standard output is not read: results are left out there until it is, the recording goes on."
+                left = (
+                    "standard output is not read: results are skipped there until it is read again; the recording "
+                    "goes on."
+                )
                 say_unhurried([left])
 
         yield publish

@@ -234,7 +234,7 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
         from cantools.database import load_string
     except ImportError as error:
         raise missing("reading a DBC", "cantools", "can") from error
-    other = "is ARXML, KCD or SYM; make a DBC of it: cantools convert FILE bus.dbc." if _OTHER.match(text) else ""
+    other = "is ARXML, KCD or SYM; convert it to DBC: cantools convert FILE bus.dbc." if _OTHER.match(text) else ""
     if problem := other or _too_many_selectors(text):
         raise DataError(f"{source}: {problem}")
     try:
@@ -252,11 +252,11 @@ def messages_in(text: str, source: str = "DBC") -> tuple[Message, ...]:
 def _refusal(reason: str, text: str) -> str:
     match = re.search(r"line (\d+), column (\d+)", reason)
     if match is None:
-        return f"cannot be read as DBC ({shortened(reason, 120)}); mend it, or export the DBC again."
+        return f"cannot be read as DBC ({shortened(reason, 120)}); correct it, or export the DBC again."
     lines = len(text.rstrip().splitlines())
     if int(match[1]) > lines:
-        return f"is cut off behind line {lines}; export the DBC again."
-    return f"line {match[1]}, column {match[2]} cannot be read as DBC; mend it, or export the DBC again."
+        return f"is cut off after line {lines}; export the DBC again."
+    return f"line {match[1]}, column {match[2]} cannot be read as DBC; correct it, or export the DBC again."
 
 
 def _too_many_selectors(text: str) -> str:

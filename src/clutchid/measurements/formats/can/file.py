@@ -48,7 +48,7 @@ def frame_log(path: Path, kind: str = "") -> FrameLog:
     frames = format_of(kind or kind_of(head_of(path))).frames
     log: FrameLog | None = function_named(frames)(path) if frames else None
     if log is None:
-        raise DataError("is no CAN log; BLF, ASC, TRC and MF4 bus logging are read.")
+        raise DataError("is not a CAN log; BLF, ASC, TRC and MF4 bus logs are read.")
     return log
 
 
@@ -91,7 +91,7 @@ def open_file(path: Path, dbc: Sequence[Path] = (), kind: str = "", log: FrameLo
         return refused(path, "CAN log", str(error))
     scanned = _scan(log, lookup)
     metadata = _metadata(log, scanned.origin, dbc)
-    undated = () if log.start else ("does not say when it was recorded: its stamps count from its first frame only.",)
+    undated = () if log.start else ("does not say when it was recorded: its time stamps start at the first frame.",)
     if problem := _decoding_problem(scanned, dbc, lookup.messages):
         return replace(refused(path, log.format, problem, *log.warnings, *undated), metadata=metadata)
     streams = frame_streams.streams_in_order(scanned.sizes, lookup.messages)
@@ -264,7 +264,7 @@ def _coded(
     if not count or not signal.none:
         return ""
     verb = "frame says" if count == 1 else "frames say"
-    return f"{signal.name}: {count:,} {verb} that there is no value (error, not available); these samples are missing."
+    return f"{signal.name}: {count:,} {verb} 'error' or 'not available'; these samples are missing."
 
 
 def _on_one_clock(parts: Iterator[StreamFrames], scanned: ScannedLog) -> Iterator[StreamFrames]:
@@ -325,11 +325,12 @@ def _decoding_problem(scanned: ScannedLog, dbc: Sequence[Path], messages: Sequen
     names = ", ".join(file.name for file in dbc)
     if sender := _other_sender(scanned, messages):
         return (
-            f"{sender} is not in {names}, which has that message from another sender only; write its identifier there."
+            f"{sender} is not in {names}, which has this message from another sender only; add this identifier to "
+            "the DBC."
         )
     count = scanned.fragments
-    fragments = f", and {count:,} are pieces of longer messages, which are not put together" if count else ""
-    common = f" (the commonest: {_commonest(scanned.unknown)}{fragments})" if scanned.unknown else ""
+    fragments = f", and {count:,} belong to multi-frame messages, which are not reassembled" if count else ""
+    common = f" (the most frequent: {_commonest(scanned.unknown)}{fragments})" if scanned.unknown else ""
     return f"none of its {frames} frames{common} holds a signal of {names}; give the DBC of this bus with --dbc FILE."
 
 
@@ -338,16 +339,16 @@ def _scan_warnings(scanned: ScannedLog, streams: Sequence[frame_streams.FrameStr
     warnings = [f"{scanned.damage}; the {scanned.frames:,} frames before it are used."] if scanned.damage else []
     counts = (
         *((count, what, "left out.") for what, count in scanned.left_out.items()),
-        (scanned.echoes, "frame", "in the log twice, as sent and as received; one of each two is used."),
+        (scanned.echoes, "frame", "in the log twice, as sent and as received; each is used once."),
         (
             scanned.fragments,
             "frame",
-            "left out: pieces of longer messages (J1939 transport protocol, NMEA 2000 fast packets).",
+            "left out: parts of multi-frame messages (J1939 transport protocol, NMEA 2000 fast packets).",
         ),
         (
             sum(scanned.unknown.values()),
             "frame",
-            f"left out, of {_counted(len(scanned.unknown), 'identifier')} that no DBC knows; the commonest: "
+            f"left out, of {_counted(len(scanned.unknown), 'identifier')} that no DBC defines; the most frequent: "
             f"{_commonest(scanned.unknown)}.",
         ),
     )
@@ -356,11 +357,11 @@ def _scan_warnings(scanned: ScannedLog, streams: Sequence[frame_streams.FrameStr
     ]
     if short := [f"{count:,} of {name}" for name, count in scanned.short.items() if count]:
         warnings.append(
-            f"some frames are shorter than the DBC says ({listed(short)}): the signals that they lack are missing."
+            f"some frames are shorter than the DBC says ({listed(short)}): the signals beyond their end are missing."
         )
     messages: set[Message] = {stream.message for stream in streams}
     if lacking := sorted(f"{name} of {message.name}" for message in messages for name in message.undecodable):
-        warnings.append(f"what is no number of at most 64 bits is left out: {listed(lacking)}.")
+        warnings.append(f"signals that are not numbers of at most 64 bits are left out: {listed(lacking)}.")
     return warnings
 
 

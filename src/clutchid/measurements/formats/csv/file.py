@@ -52,7 +52,7 @@ def open_file(path: Path) -> Source:
     """
     text, kind = text_file(path), binary_kind(path.name)
     if text is None:
-        return refused(path, kind or "CSV", f"is no {kind} file, and no text; copy it again." if kind else _NOT_TEXT)
+        return refused(path, kind or "CSV", f"is not a readable {kind} file; copy it again." if kind else _NOT_TEXT)
     lines = text.head(_HEAD, _HEAD_BYTES)
     wide = (n for n, line in enumerate(lines, 1) if len(line) > _WIDEST and max(map(line.count, ",;\t| ")) >= _WIDEST)
     if number := next(wide, 0):

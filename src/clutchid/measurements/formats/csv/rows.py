@@ -147,12 +147,12 @@ class TextReading:
             )
         warnings = [
             f"column '{notation.headings[index].text}': {count:,} {'cells say' if count != 1 else 'cell says'} that "
-            "there is no value; these samples are missing."
+            "the value is not available; these samples are missing."
             for index, count in sorted(self.none.items())
         ]
         if self.left_out:
             where = listed(map(str, self.left_out))
-            warnings.append(f"left out line {where}: the names again, a remark, or not written to the end.")
+            warnings.append(f"left out line {where}: repeated column names, a remark, or an incomplete line.")
         self.parts, self.invalid, self.none, self.ragged, self.left_out = [], {}, Counter(), [], []
         return replace(whole, problems=tuple(problems), warnings=tuple(warnings))
 

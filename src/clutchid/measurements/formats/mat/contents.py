@@ -33,7 +33,7 @@ _BEST_RATIO = 1032
 
 _HDF5 = "MATLAB 7.3 (HDF5)"
 _ELSEWHERE = "arrays whose numbers are not in the file"
-_OTHERS = "what holds no real numbers"
+_OTHERS = "objects that hold no real numbers"
 
 
 class BrokenMat(ValueError):
@@ -230,7 +230,7 @@ def sound(form: str) -> Iterator[None]:
         raise BrokenMat(what) from error
     except Exception as error:
         reason = shortened(str(error).strip("'\"") or type(error).__name__, 120)
-        raise BrokenMat(f"is no whole {form} file ({reason}); copy or save it again.") from error
+        raise BrokenMat(f"is not a complete {form} file ({reason}); copy or save it again.") from error
 
 
 @contextmanager
@@ -250,7 +250,7 @@ def opened_variables(path: Path, *, hdf5: bool) -> Iterator[Mapping[str, Any]]:
     try:
         h5 = import_module("h5py")
     except ImportError as error:
-        raise missing("reading MATLAB 7.3 files (those saved with '-v7' do without)", "h5py", "mat") from error
+        raise missing("reading MATLAB 7.3 files (a file saved with '-v7' does not need it)", "h5py", "mat") from error
     with sound(_HDF5):
         file = h5.File(path, "r")
     with file:
@@ -268,7 +268,7 @@ def _loaded(path: Path) -> dict[str, Any]:
         try:
             variables = loadmat(str(path), appendmat=False, **codec)
         except TypeError as error:
-            what = f"is no whole MATLAB file ({error}), or has emoji in a text, which SciPy cannot read"
+            what = f"is not a complete MATLAB file ({error}), or contains an emoji, which SciPy cannot read"
             raise BrokenMat(f"{what}; copy or save it again, or with '-v7.3'.") from error
         if type(variables.get("None")).__name__ == "MatlabOpaque":  # so SciPy before 1.18 calls all objects
             del variables["None"]

@@ -94,7 +94,7 @@ def open_file(path: Path) -> Source:
         head = file.read(HEAD)
     version = _version(head)
     if version is None:
-        return refused(path, "MATLAB", "is no MATLAB file: its header is damaged; copy or save it again.")
+        return refused(path, "MATLAB", "is not a MATLAB file: its header is damaged; copy or save it again.")
     try:
         return _source(path, version)
     except BrokenMat as error:

@@ -74,7 +74,7 @@ def _check(mdf: Any, number: int, needed: int) -> None:
     size = int(group.channel_group.samples_byte_nr) if group.uses_ld else _width(mdf, number)
     there = sum(int(block.original_size) for block in group.get_data_blocks()) // size
     if there < needed:
-        raise BrokenMdf(f"is cut off: group {number + 1} claims {needed} samples and holds {there}; copy it again.")
+        raise BrokenMdf(f"is cut off: group {number + 1} should have {needed} samples and has {there}; copy it again.")
 
 
 _UNKNOWN_START = datetime.fromtimestamp(0, UTC)
@@ -125,7 +125,8 @@ def open_file(path: Path) -> Source:
                     numbers = _numbers(mdf, places, rules, first, count)
                     none = {headings[i].text: n for i in texts if (n := int(np.isnan(numbers[i]).sum()))}
                     said = (
-                        f"{name}: {n:,} samples are texts, which are no value, and missing." for name, n in none.items()
+                        f"{name}: {n:,} samples are text instead of numbers and count as missing."
+                        for name, n in none.items()
                     )
                     yield Table(headings, numbers, count, Places("sample", first + 1), warnings=tuple(said))
         except BrokenMdf as error:

@@ -113,7 +113,7 @@ def _layout(mdf: Any, owner: int, groups: list[int]) -> GroupLayout:
         group = mdf.groups[number]
         apart = int(group.channel_group.cycles_nr) != cycles or not group.channel_group.samples_byte_nr
         for index, item in enumerate(group.channels):
-            content = "no samples, or more or fewer than stamps" if apart else _content(group, index, version)
+            content = "no samples, or not one per time stamp" if apart else _content(group, index, version)
             if content in (_NUMBER, _COUNT):
                 channels.append((ChannelPlace(number, index, content == _COUNT), item))
             elif content:
@@ -134,7 +134,7 @@ def _content(group: Any, index: int, version: int) -> str:
     if flags & _BUS_CHANNEL:
         return ""
     if group.channel_dependencies[index]:
-        return "several values a sample"
+        return "several values per sample"
     if flags & _ALL_INVALID:
         return "no valid sample"
     if version == 4:

@@ -99,7 +99,10 @@ def _readable(path: Path) -> IO[bytes]:
     with stream:
         size = path.stat().st_size
         if start[8:9] != b"4":
-            raise BrokenMdf("was not finalised by its logger, and only MDF 4 can be mended; finalise it with its tool.")
+            raise BrokenMdf(
+                "was not finalised by its logger, and only MDF 4 can be repaired; finalise it with the tool of the "
+                "logger."
+            )
         if size > _MENDABLE:
             raise BrokenMdf(
                 f"was not finalised by its logger and has {size >> 20} MB; finalise it with the logger's tool."
@@ -150,8 +153,8 @@ def _reason(error: Exception, size: int) -> str:
     if size < _HEADER:
         return f"is an MDF file that ends within its header, after {size} bytes; copy it again."
     if "Incomplete block" in str(error):
-        return "is cut off: a block ends behind the end of the file; copy it again."
+        return "is cut off: a block extends beyond the end of the file; copy it again."
     return (
-        "is no complete MDF file: a block is cut off, damaged, or of a kind that asammdf does not read; copy it again "
-        "or convert it to MDF 4.10."
+        "is not a complete MDF file: a block is cut off, damaged, or of a kind that asammdf cannot read; copy it "
+        "again or convert it to MDF 4.10."
     )

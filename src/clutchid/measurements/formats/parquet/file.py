@@ -104,10 +104,10 @@ def _unreadable(error: BaseException) -> str:
 
     if "encrypt" in str(error).lower():
         return "is encrypted; decrypt it with the program that wrote it, or write it again without encryption."
-    reason = shortened(str(error), 200) if isinstance(error, pl.exceptions.PolarsError) else "polars gives up on it"
+    reason = shortened(str(error), 200) if isinstance(error, pl.exceptions.PolarsError) else "polars cannot read it"
     return (
-        f"is no complete Parquet file, or has columns of a kind that polars does not read ({reason}); "
-        "copy it again, or write its channels as Float64."
+        f"is not a complete Parquet file, or has columns of a kind that polars cannot read ({reason}); copy it "
+        "again, or write its channels as Float64."
     )
 
 
@@ -149,7 +149,7 @@ def _source(
             try:
                 frame = rows_of(list(read.values()), start, count)
                 if read and frame.height < count:
-                    raise pl.exceptions.ComputeError(f"it ends behind row {start + frame.height} of {size}")
+                    raise pl.exceptions.ComputeError(f"it ends after row {start + frame.height} of {size}")
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
                 yield Table(columns, problems=(_unreadable(error),))
                 return
