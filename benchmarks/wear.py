@@ -22,8 +22,8 @@ from clutchid.wear.trend import REFERENCE
 
 #: Channels: column of the measurement, its truth, and the unit of the truth in that of the measurement.
 CHANNELS = {
-    "shift": ("shift measured [m]", "shift measured std [m]", "shift [mm]", 1e-3),
-    "load": ("load measured [1]", "load measured std [1]", "load change [1]", 1.0),
+    "shift": ("shift_mm", "shift_std_mm", "shift [mm]", 1.0),
+    "load": ("load_change_percent", "load_change_std_percent", "load change [1]", 100.0),
 }
 
 
@@ -56,7 +56,7 @@ def main() -> None:
     late: list[FloatArray] = []
     covered: list[FloatArray] = []
     for (vehicle,), rows in wear.group_by("vehicle", maintain_order=True):
-        read = rows.filter(pl.col("shift measured [m]").is_finite() & pl.col("shift [mm]").is_not_null())
+        read = rows.filter(pl.col("shift_mm").is_not_null() & pl.col("shift [mm]").is_not_null())
         if read.is_empty():
             print(f"{vehicle} has no reading")
             continue
@@ -65,9 +65,10 @@ def main() -> None:
             constant, warm, left, std = shares(read, name)
             words.append(f"{name} {std:.2g}: {constant:+.2f} {warm:+.2f} {left:.2f}")
         after = rows.filter(pl.col("shift [mm]").is_not_null())[options.after :]
-        true = 1e-3 * after["shift [mm]"].to_numpy()
-        late.append(1e3 * (after["shift [m]"].to_numpy() - true))
-        covered.append((after["shift low [m]"].to_numpy() <= true) & (true <= after["shift high [m]"].to_numpy()))
+        true = after["shift [mm]"].to_numpy()
+        late.append(after["shift_filtered_mm"].to_numpy() - true)
+        low, high = (after[f"shift_filtered_{side}_mm"].to_numpy() for side in ("low", "high"))
+        covered.append((low <= true) & (true <= high))
         events = "; ".join(f"{r['event']} before {r['recording']}" for r in rows.iter_rows(named=True) if r["event"])
         alarms = "; ".join(f"{r['alarm']} before {r['recording']}" for r in rows.iter_rows(named=True) if r["alarm"])
         print(f"{vehicle} {len(read):4} readings  {'  '.join(words)}  events: {events or '-'}  alarms: {alarms or '-'}")

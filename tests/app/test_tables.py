@@ -56,7 +56,9 @@ def test_the_loads_of_a_track_lead_to_its_rows_and_without_them_the_trend_is_the
 
 
 def test_a_trend_that_never_reaches_its_limit_has_no_end_in_sight(track, tmp_path):
-    rows = pl.read_parquet(track).with_columns(pl.when(pl.col("left").is_not_null()).then(float("inf")).alias("left"))
+    rows = pl.read_parquet(track).with_columns(
+        pl.when(pl.col("left_strokes").is_not_null()).then(float("inf")).alias("left_strokes")
+    )
     rows.write_parquet(tmp_path / "endless.parquet")
     assert shown(tmp_path / "endless.parquet")["trend"]["left"][0] == "inf"
 
@@ -138,6 +140,10 @@ def test_a_file_beside_the_opened_one_is_not_read_where_it_lies_elsewhere(run, t
     assert files_of(below / "results.parquet", below).loads == ()
     words = shown(below / "results.parquet", STEADY)
     assert (words["trend"], words["loads"]) == (None, [])
+    own = next(path for path in (run / "vehicles").glob("V_2*.parquet") if ".load." not in path.name)
+    (below / own.name).write_bytes(own.read_bytes())
+    assert shown(below / "vehicles.parquet", STEADY)["trend"]["counted"] == 19, "as files that are sent lie"
+    (below / own.name).unlink()
     (below / "vehicles").unlink()
     shutil.copytree(run / "vehicles", below / "own")
     (below / "vehicles").symlink_to(below / "own")

@@ -74,15 +74,15 @@ def test_the_life_of_a_clutch_is_tracked(folder, told):
     assert [bool(reason) for reason in rows["reason"]] == [outcome == "missing" for outcome in rows["outcome"]]
     assert rows["reason"].to_list()[6:] == rows["message"].to_list()[6:]
     # the sensor of this truck learns its zero
-    rests = rows.filter(pl.col("outcome") != "missing")["rest shift [m]"].fill_null(1.0)
-    assert rests.is_between(-1e-4, 1e-4).all()
+    rests = rows.filter(pl.col("outcome") != "missing")["rest_shift_mm"].fill_null(1.0)
+    assert rests.is_between(-0.1, 0.1).all()
     assert rows["alarm"].to_list() == [None] * 4 + ["replaced"] + [None] * 4
     new = drive(truck(0), seconds=1).truth
     y = np.linspace(0.0, 0.02, 4001)
     for k, wear in ((3, 2.8e-3), (5, 0.15e-3)):
         worn = drive(truck(0), seconds=1, wear=wear).truth
         at = [y[np.argmax(truth.load(y) >= truth.load(y).max() / 2)] for truth in (new, worn)]
-        assert rows["shift low [m]"][k] < at[1] - at[0] < rows["shift high [m]"][k]
+        assert rows["shift_filtered_low_mm"][k] < 1e3 * (at[1] - at[0]) < rows["shift_filtered_high_mm"][k]
     loads = pl.read_parquet(folder / "wear.load.parquet")
     assert loads["recording"].n_unique() == 7
     page = (folder / "wear.html").read_text(encoding="utf-8")

@@ -53,7 +53,7 @@ def wear_by(verb, folder):
 def test_foreign_tables_and_a_file_that_was_cut_off_change_nothing(fleet, verb):
     before, folder = wear_by(verb, fleet), fleet / "fleet" / "V1"
     assert set(before["axis"]) == {"days"}
-    assert before["left"][-1] > 0.0
+    assert before["left_days"][-1] > 0.0
     (folder / "run_9.parquet").write_bytes((folder / "run_0.parquet").read_bytes()[:1000])
     for k in range(25):
         (folder / f"sales_2026-02-{1 + k:02d}.csv").write_text("day;shop;sum\n1;7;12.5\n2;7;13.5\n")
@@ -61,7 +61,7 @@ def test_foreign_tables_and_a_file_that_was_cut_off_change_nothing(fleet, verb):
     assert after[:COUNT].equals(before)
     beside = after[COUNT:]
     assert (beside.height, set(beside["status"]), set(beside["outcome"])) == (26, {"bad_input"}, {"missing"})
-    for column in ("along", "shift smoothed [m]", "left", "shift measured [m]"):
+    for column in ("along", "shift_smoothed_mm", "left_days", "shift_mm"):
         assert beside[column].null_count() == 26
     if verb == "fleet":
         (vehicle,) = pl.read_parquet(fleet / "out" / "vehicles.parquet").to_dicts()
@@ -100,9 +100,9 @@ def test_a_table_of_wear_of_a_vehicle_its_type_or_beside_the_one_calibration_is_
         (fleet / name).parent.mkdir(exist_ok=True)
         (fleet / f"{name}.toml").write_text("[parameters]\n")
         (fleet / f"{name}.wear.csv").write_text(table.format(end))
-    for start, end in (("cal.toml", 1.5e-3), ("cals", 2e-3)):
+    for start, end in (("cal.toml", 1.5), ("cals", 2.0)):
         run = run_of(fleet, verb="track", start=fleet / start)
-        assert set(pl.read_parquet(fleet / OWN)["limit [m]"]) == {end}
+        assert set(pl.read_parquet(fleet / OWN)["limit_mm"]) == {end}
     assert run.warnings == ("T9.wear.csv: no vehicle and no type has that name, so that it is not used.",)
 
 

@@ -49,10 +49,14 @@ def table_of(folder):
 def test_the_columns_of_every_table_are_those_that_were_promised(tmp_path):
     write_fleet(tmp_path)
     lines = []
-    for path in (tmp_path / parts_of(tmp_path)[0], tmp_path / "results.parquet", tmp_path / "vehicles.parquet"):
-        name = path.stem if path.parent == tmp_path else "recordings"
+    own = next(path for path in (tmp_path / "vehicles").glob("V_2*.parquet") if ".load." not in path.name)
+    tables = {
+        "recordings": tmp_path / parts_of(tmp_path)[0], "results": tmp_path / "results.parquet",
+        "vehicles": tmp_path / "vehicles.parquet", "vehicle": own, "load": own.with_suffix(".load.parquet"),
+    }  # fmt: skip
+    for name, path in tables.items():
         lines += [f"{name}: {column} {kind}" for column, kind in pl.read_parquet_schema(path).items()]
-        assert pl.read_parquet_metadata(path)["schema_version"] == SCHEMA_VERSION
+        assert name in ("vehicle", "load") or pl.read_parquet_metadata(path)["schema_version"] == SCHEMA_VERSION
     text = "\n".join(lines) + "\n"
     if os.environ.get("CLUTCHID_WRITE_GOLDEN"):
         GOLDEN.write_text(text, encoding="utf-8")

@@ -34,7 +34,7 @@ from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
 from clutchid.log.units import UNITS
-from clutchid.parameters import Parameters
+from clutchid.verbs.choosing import meanings
 from clutchid.verbs.failures import failure
 from clutchid.verbs.looking import QUANTITIES
 from clutchid.verbs.stored import plotted
@@ -120,7 +120,7 @@ async def _about(session: Session, _request: Request) -> Response:
     fits = any(result.verb != "file" for result in session.board.all(Result))
     return JSONResponse({
         "units": {name: asdict(unit) for name, unit in UNITS.items()}, "quantities": dict(QUANTITIES),
-        "parameters": {name: row.meaning for name, row in Parameters.rows().items()},
+        "parameters": meanings(),
         "verbs": {verb: dict(options) for verb, options in VERBS.items()}, "methods": METHOD_CHOICES,
         "session": session.name, "offered": [item.id for item in session.board.all(Recording) if fits],
     })  # fmt: skip

@@ -16,11 +16,11 @@ from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.storage import Objects, objects_at, path_of, run_of
 from clutchid.fleets.store import StoredKey
-from clutchid.measurements import is_recording
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.verbs.folders import (
     FolderContent,
+    content_of,
     files_by_name,
     folder_content,
     is_hidden,
@@ -125,14 +125,12 @@ def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Pa
     runs = tuple({run for other in stamps if (run := run_of(other))})
     paths = [root / other for other in sorted(stamps) if not (runs and other.startswith(runs))]
     shown = [path for path in paths if path != root / name and not is_hidden(path.relative_to(root))]
-    recordings = tuple(filter(is_recording, shown))
-    others = tuple(path for path in shown if not is_recording(path))
     rows = None
     if name in stamps:
         with objects.staged(name, stamps[name]) as table:
             rows = read_fleet_table(table).values()
     by_path = {root / other: stamp for other, stamp in stamps.items()}
-    return objects, rows, FolderContent(recordings, others, len(stamps) - len(paths)), by_path
+    return objects, rows, content_of(shown, len(stamps) - len(paths)), by_path
 
 
 #: What is said of vehicles of one name.

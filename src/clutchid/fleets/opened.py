@@ -22,6 +22,7 @@ from clutchid.fleets.storage import PARTS
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
 from clutchid.verbs.saving import loads_path
+from clutchid.wear.columns import LOAD_COLUMNS, SIDES
 from clutchid.wear.life import COUNTED_OUTCOMES
 from clutchid.wear.trend import LIFE
 
@@ -36,17 +37,7 @@ _MOST_ROWS = 2_000_000
 
 #: Columns by which the files of a run are known.
 _KNOWN = {
-    "wear": (
-        "recording",
-        "outcome",
-        "axis",
-        "along",
-        "shift smoothed [m]",
-        "limit [m]",
-        "left",
-        "left low",
-        "left high",
-    ),
+    "wear": ("recording", "outcome", "axis", "along", "shift_smoothed_mm", "limit_mm", "left_strokes"),
     "vehicles": ("vehicle", "counted", "load_change_percent"),
     "results": ("recording", "vehicle", "peak_N", "file_gone"),
 }
@@ -87,7 +78,8 @@ def files_of(path: Path, below: Path) -> Files:
         return Files(path, None, None, (own,) if own else ())
     names = {"vehicles": VEHICLES, "results": RESULTS}
     paths = {other: _inside(path.with_name(name), below) for other, name in names.items()} | {kind: path}
-    parts = sorted((path.parent / PARTS).glob("date=*/part-*.parquet"))
+    # files that are sent to the page lie beside each other
+    parts = sorted((*(path.parent / PARTS).glob("date=*/part-*.parquet"), *path.parent.glob("part-*.parquet")))
     return Files(None, paths["vehicles"], paths["results"], tuple(part for part in parts if _inside(part, below)))
 
 
@@ -150,13 +142,13 @@ def _own_file(files: Files, vehicle: str, below: Path) -> Path | None:
 
     row = None if files.vehicles is None else _read(files.vehicles, pl.col("vehicle") == vehicle, 1)
     name = row["file"][0] if row is not None and row.height else None
-    return _inside(files.vehicles.parent / f"{name}.parquet", below) if name and files.vehicles else None
+    if not name or files.vehicles is None:
+        return None
+    folder, file = files.vehicles.parent, f"{name}.parquet"
+    return _inside(folder / file, below) or _inside(folder / Path(file).name, below)
 
 
 # a fleet
-
-#: Sides of a band by the ends of their columns.
-_SIDES = ("", "_low", "_high")
 
 
 def fleet_table(files: Files) -> dict[str, Any]:
@@ -172,10 +164,10 @@ def fleet_table(files: Files) -> dict[str, Any]:
     }
     columns["last"] = [_text(last) for last in columns["last"]]
     for name in ("shift", "wear"):
-        columns[name] = [_band([row.get(f"{name}{side}_mm") for side in _SIDES]) for row in shown]
-    changes = [[row.get(f"load_change{side}_percent") for side in _SIDES] for row in shown]
-    columns["load"] = [_band([None if side is None else 0.01 * side for side in change]) for change in changes]
-    columns["left"] = [_band([row.get(f"left_{row.get('axis')}{side}") for side in _SIDES]) for row in shown]
+        columns[name] = [_band([row.get(f"{name}{side}_mm") for side in SIDES]) for row in shown]
+    changes = [[row.get(f"load_change{side}_percent") for side in SIDES] for row in shown]
+    columns["load"] = [_band([_scaled(side, 0.01) for side in change]) for change in changes]
+    columns["left"] = [_band([row.get(f"left_{row.get('axis')}{side}") for side in SIDES]) for row in shown]
     for name in ("trust", "peak", "half_load"):
         columns[name] = [newest.get(row["vehicle"], {}).get(name) for row in shown]
     return {
@@ -191,6 +183,11 @@ def _band(sides: Sequence[Any]) -> list[float | str | None] | None:
     """A value with its ends; None where it is not known."""
     numbers = [_number(side) for side in sides]
     return None if numbers[0] is None else numbers
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    """A number in another unit."""
+    return None if value is None else factor * value
 
 
 def _text(begin: datetime | str | None) -> str | None:
@@ -213,10 +210,10 @@ def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
             row["vehicle"], {"type": row.get("type"), "recordings": 0, "counted": 0, "trust": row["trust"]}
         )
         vehicle["recordings"] += row.get("is_recording", True)
-        peak = _band([row[f"peak{side}_N"] for side in _SIDES])
+        peak = _band([row[f"peak{side}_N"] for side in SIDES])
         if peak is None:
             continue
-        half = _band([row[f"half_load{side}_mm"] for side in _SIDES])
+        half = _band([row[f"half_load{side}_mm"] for side in SIDES])
         vehicle |= {"counted": vehicle["counted"] + 1, "trust": row["trust"], "peak": peak, "half_load": half}
     return vehicles
 
@@ -276,22 +273,16 @@ def _evenly(names: Sequence[str], loads: Mapping[str, LoadCurve]) -> list[str]:
 
 def _recording(row: Mapping[str, Any], load: LoadCurve | None) -> dict[str, Any]:
     """A recording as a row of the table of its vehicle, in SI, with its load at `PLACES`."""
-    if "outcome" in row:
-        half = [row.get(f"half_load{side} [m]") for side in ("", " low", " high")]
-        shift, change = row.get("shift measured [m]"), row.get("load measured [1]")
-    else:
-        millimetres = [row.get(f"half_load{side}_mm") for side in _SIDES]
-        half = [None if value is None else 1e-3 * value for value in millimetres]
-        shift = None if row.get("shift_mm") is None else 1e-3 * row["shift_mm"]
-        change = None if row.get("load_change_percent") is None else 0.01 * row["load_change_percent"]
+    half = [_scaled(row.get(f"half_load{side}_mm"), 1e-3) for side in SIDES]
     why = row.get("reason") or ("" if row.get("status") == "ok" else row.get("message"))
     said = " ".join(text for text in (why, row.get("warnings")) if text)
     return {
         "recording": row["recording"], "begin": _text(row.get("begin")),
-        "strokes": _number(row.get("strokes [1]", row.get("strokes"))),
-        "odometer": _number(row.get("odometer [km]", row.get("odometer_km"))), "status": row.get("status"),
-        "trust": row.get("trust"), "outcome": row.get("outcome"), "said": said, "shift": _number(shift),
-        "change": _number(change), "half_load": _band(half), "at": None if load is None else _at_places(load),
+        "strokes": _number(row.get("strokes")), "odometer": _number(row.get("odometer_km")),
+        "status": row.get("status"), "trust": row.get("trust"), "outcome": row.get("outcome"), "said": said,
+        "shift": _number(_scaled(row.get("shift_mm"), 1e-3)),
+        "change": _number(_scaled(row.get("load_change_percent"), 0.01)), "half_load": _band(half),
+        "at": None if load is None else _at_places(load),
     }  # fmt: skip
 
 
@@ -306,23 +297,27 @@ def _at_places(load: LoadCurve) -> list[list[float | str | None] | None]:
 
 def _trend(rows: pl.DataFrame) -> dict[str, Any]:
     """The trend given all recordings, alarms, limit and forecast, over the axis of the trend."""
-    units = {"wear": "m", "shift": "m", "load": "1"}
-    heads = {name: unit for name, unit in units.items() if f"{name} smoothed [{unit}]" in rows.columns}
+    columns = {
+        "wear": ("wear", "_mm", 1e-3),
+        "shift": ("shift", "_mm", 1e-3),
+        "load": ("load_change", "_percent", 0.01),
+    }
 
     def band(name: str, when: str) -> list[list[float | str | None]]:
-        columns = [f"{name}{when}{side} [{heads[name]}]" for side in ("", " low", " high")]
-        return [[_number(value) for value in rows[column]] for column in columns]
+        head, unit, factor = columns[name]
+        sides = (rows[f"{head}_{when}{side}{unit}"] for side in SIDES)
+        return [[_number(_scaled(value, factor)) for value in side] for side in sides]
 
-    quantities = {name for name in heads if rows[f"{name} smoothed [{units[name]}]"].is_not_null().any()}
+    quantities = [name for name in columns if any(value is not None for value in band(name, "smoothed")[0])]
     last = rows.row(-1, named=True)
-    limit = _number(last["limit [m]"])
+    limit = _number(_scaled(last["limit_mm"], 1e-3))
     return {
         "axis": rows["axis"][0], "along": [_number(value) for value in rows["along"]],
         "counted": sum(outcome in COUNTED_OUTCOMES for outcome in rows["outcome"]),
-        "bands": {name: band(name, " smoothed") for name in units if name in quantities},
-        "now": {name: [side[-1] for side in band(name, "")] for name in units if name in quantities},
+        "bands": {name: band(name, "smoothed") for name in quantities},
+        "now": {name: [side[-1] for side in band(name, "filtered")] for name in quantities},
         "limit": None if limit is None else {"of": "wear" if "wear" in quantities else "shift", "value": limit},
-        "left": _band([last[name] for name in ("left", "left low", "left high")]),
+        "left": _band([last[f"left_{last['axis']}{side}"] for side in SIDES]),
         "alarms": _alarms(rows),
     }  # fmt: skip
 
@@ -333,7 +328,7 @@ def _alarms(rows: pl.DataFrame) -> list[dict[str, Any]]:
     names, begins = rows["recording"].to_list(), rows["begin"].to_list()
     for index, text in enumerate(rows["alarm"]):
         for kind in (text or "").split(", ") if text else ():
-            when = f" on {begins[index][:10]}" if begins[index] else ""
+            when = f" on {begins[index]:%Y-%m-%d}" if begins[index] else ""
             where = f"between {names[index - 1]} and {names[index]}" if index else f"before {names[index]}"
             words = f"{ALARMS.get(kind, kind)} {where}{when}"
             alarms.append({"index": index, "kind": kind, "words": f"{words[0].upper()}{words[1:]}."})
@@ -346,12 +341,11 @@ def _loads(files: Files, vehicle: str, names: Sequence[str]) -> dict[str, LoadCu
 
     curves: dict[str, LoadCurve] = {}
     for path in files.loads:
-        if "force_N" not in _columns(path):  # that of a track
+        if "vehicle" not in _columns(path):  # that of a track, with a row a point
             for (name,), group in _read(path).group_by(["recording"], maintain_order=True):
-                columns = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-                curves[str(name)] = LoadCurve(*(group[column].to_numpy() for column in columns))
+                curves[str(name)] = LoadCurve(*(group[column].to_numpy() for column in LOAD_COLUMNS))
             continue
         rows = _read(path, (pl.col("vehicle") == vehicle) & pl.col("force_N").is_not_null())
-        for row in rows.select("recording", "position_m", "force_N", "low_N", "high_N").iter_rows():
+        for row in rows.select("recording", *LOAD_COLUMNS).iter_rows():
             curves[row[0]] = LoadCurve(*map(np.array, row[1:]))
     return {name: curves[name] for name in names if name in curves}

@@ -26,6 +26,7 @@ from clutchid.fleets.storage import Storage
 from clutchid.fleets.store import Store, StoredKey, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
+from clutchid.wear.columns import SIDES, banded
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, to_estimate, wear_of
 from clutchid.wear.trend import Interval
@@ -253,38 +254,30 @@ def _row(wear: Wear, page: str) -> VehicleRow:
 #: Axes of lives that have a unit, and the name of one.
 _AXES = {"strokes": "stroke", "km": "km", "days": "day"}
 
-#: A number and its interval by the ends of their columns.
-_SIDES = ("", "_low", "_high")
-
 
 def _vehicle_schema() -> dict[str, Any]:
     """Columns of the table of vehicles with the types of Polars."""
     import polars as pl
 
-    text, number, whole = pl.String, pl.Float64, pl.Int64
-    bands = [f"{name}{side}_mm" for name in ("shift", "wear") for side in _SIDES]
-    bands += [f"load_change{side}_percent" for side in _SIDES]
-    bands += [f"left_{axis}{side}" for axis in _AXES for side in _SIDES]
+    bands = [*((name, "_mm") for name in ("shift", "wear")), ("load_change", "_percent")]
+    bands += [(f"left_{axis}", "") for axis in _AXES]
     return {
-        "vehicle": text, "type": text, "recordings": whole, "counted": whole, "last": pl.Datetime("us", "UTC"),
-        "axis": text, **dict.fromkeys(bands, number),
-        **{f"rate_mm_per_{span}": number for span in _AXES.values()}, "limit_mm": number,
-        **dict.fromkeys(("alarms", "warnings", "file"), text),
+        "vehicle": pl.String, "type": pl.String, "recordings": pl.Int64, "counted": pl.Int64,
+        "last": pl.Datetime("us", "UTC"), "axis": pl.String,
+        **{f"{name}{side}{unit}": pl.Float64 for name, unit in bands for side in SIDES},
+        **{f"rate_mm_per_{span}": pl.Float64 for span in _AXES.values()}, "limit_mm": pl.Float64,
+        **dict.fromkeys(("alarms", "warnings", "file"), pl.String),
     }  # fmt: skip
 
 
 def _listed(row: VehicleRow) -> Mapping[str, object]:
     """A vehicle as a row of a table."""
-
-    def columns(name: str, band: Interval, factor: float, unit: str) -> Mapping[str, float]:
-        return {f"{name}{side}{unit}": factor * value for side, value in zip(_SIDES, band, strict=True)}
-
     own = row.axis in _AXES
     return {
         "vehicle": row.name, "type": row.type or None, "recordings": row.recordings, "counted": row.counted,
-        "last": row.last, "axis": row.axis, **columns("shift", row.shift, 1e3, "_mm"),
-        **columns("wear", row.wear, 1e3, "_mm"), **columns("load_change", row.load, 100.0, "_percent"),
-        **(columns(f"left_{row.axis}", row.left, 1.0, "") if own else {}),
+        "last": row.last, "axis": row.axis, **banded("shift", row.shift, "_mm", 1e3),
+        **banded("wear", row.wear, "_mm", 1e3), **banded("load_change", row.load, "_percent", 100.0),
+        **(banded(f"left_{row.axis}", row.left) if own else {}),
         **({f"rate_mm_per_{_AXES[row.axis]}": 1e3 * row.rate} if own else {}),
         "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
         "file": row.page.removesuffix(".html"),

@@ -20,6 +20,7 @@ import numpy as np
 from clutchid.fleets.storage import PARTS, Storage
 from clutchid.fleets.store import Store, StoredRow
 from clutchid.inference.uncertainty.estimates import LoadCurve
+from clutchid.wear.columns import LOAD_COLUMNS, NUMBERS, SIDES, TEXTS, banded, reading_columns
 from clutchid.wear.history import dated
 
 if TYPE_CHECKING:
@@ -37,33 +38,23 @@ _FULL = 1000
 #: Positions in mm at which the table has the load.
 PLACES = (5, 6, 7, 8)
 
-#: A number with its interval, by the ends of their names.
-_SIDES = ("", "_low", "_high")
-
 #: The name of a part in its place.
 _PART = re.compile(rf"{PARTS}/date=([^/]+)/part-[0-9a-f]+\.parquet")
 
 
 def _columns() -> dict[str, Any]:
-    """Columns of a recording by type: text, number, whole number, time, truth, or the points of its load."""
-    text: Sequence[str] = ("vehicle", "type", "recording")
-    loads = [f"load_{place}mm{side}_N" for place in PLACES for side in _SIDES]
-    numbers = [
-        *loads, *(f"peak{side}_N" for side in _SIDES), *(f"half_load{side}_mm" for side in _SIDES), "shift_mm",
-        "shift_std_mm", "load_change_percent", "load_change_std_percent", "temperature_K",
-        *(f"rest_shift{side}_mm" for side in _SIDES), "leak_m3_per_Pa_s", "leak_std_m3_per_Pa_s",
-    ]  # fmt: skip
+    """Columns of a recording by type: text, number, whole number, time or truth."""
+    loads = [f"{name}{side}_N" for name in (*(f"load_{place}mm" for place in PLACES), "peak") for side in SIDES]
     return {
-        **dict.fromkeys(text, str), "begin": datetime, "odometer_km": float, "strokes": float, "is_recording": bool,
-        **dict.fromkeys(("status", "message", "trust", "reason", "changes"), str), **dict.fromkeys(numbers, float),
-        **dict.fromkeys(("sha256", "by", "calibration", "calibration_sha256", "version"), str),
-        "read_at": datetime, "written_at": datetime,
-        "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
+        "vehicle": str, "type": str, "recording": str, "begin": datetime, "odometer_km": float, "strokes": float,
+        "is_recording": bool, **dict.fromkeys(TEXTS, str), "reason": str, **dict.fromkeys((*loads, *NUMBERS), float),
+        **dict.fromkeys(("calibration", "calibration_sha256", "version"), str), "read_at": datetime,
+        "written_at": datetime, "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
     }  # fmt: skip
 
 
 #: Columns of the load of a recording, lists of numbers; the record is what the index is made from again.
-_LOAD, _RECORD = ("position_m", "force_N", "low_N", "high_N"), "record"
+_RECORD = "record"
 
 
 def schema(tags: Iterable[str] = (), *, whole: bool = True) -> dict[str, Any]:
@@ -73,7 +64,7 @@ def schema(tags: Iterable[str] = (), *, whole: bool = True) -> dict[str, Any]:
     kinds = {
         str: pl.String, float: pl.Float64, bool: pl.Boolean, int: pl.Int64, datetime: pl.Datetime("us", "UTC"),
     }  # fmt: skip
-    rest = {**dict.fromkeys(_LOAD, pl.List(pl.Float64)), _RECORD: pl.String} if whole else {}
+    rest = {**dict.fromkeys(LOAD_COLUMNS, pl.List(pl.Float64)), _RECORD: pl.String} if whole else {}
     return {name: kinds[kind] for name, kind in _columns().items()} | dict.fromkeys(sorted(tags), pl.String) | rest
 
 
@@ -88,28 +79,17 @@ def frame_of(rows: Sequence[StoredRow], *, whole: bool = True) -> pl.DataFrame:
 
 def _record(row: StoredRow, *, whole: bool) -> dict[str, Any]:
     reading, inputs = row.result, json.loads(row.inputs or "[]")
-    job, measured, leak, rest = dated(row.job, reading.clock), reading.measurement, reading.leak, reading.rest
+    job = dated(row.job, reading.clock)
     wall, processor, host, worker, attempt = json.loads(row.timing)
     start, made = inputs[:2] if inputs else (None, None)
     return {
         "vehicle": row.vehicle, "type": job.type or None, "recording": row.recording, "begin": job.begin,
         "odometer_km": job.odometer, "strokes": job.strokes, "is_recording": not reading.apart,
-        "status": row.status, "message": reading.message, "trust": reading.trust, "reason": reading.unmeasured,
-        "changes": ", ".join(reading.changes),
-        **_loads(reading.curve),
-        **_banded("half_load", reading.half_load, "_mm", 1e3),
-        "shift_mm": 1e3 * measured.shift if measured else None,
-        "shift_std_mm": 1e3 * measured.shift_std if measured else None,
-        "load_change_percent": 100.0 * measured.load if measured else None,
-        "load_change_std_percent": 100.0 * measured.load_std if measured else None,
-        "temperature_K": measured.temperature if measured else None,
-        **(_banded("rest_shift", (rest.value, rest.low, rest.high), "_mm", 1e3) if rest else {}),
-        "leak_m3_per_Pa_s": leak.conductance if leak else None, "leak_std_m3_per_Pa_s": leak.std if leak else None,
-        "sha256": row.sha256 or None, "by": reading.by, "calibration": row.calibration or None,
-        "calibration_sha256": start, "version": made["clutchid"] if made else None,
-        "read_at": _instant(row.read_at), "written_at": datetime.now(UTC) if whole else None, "wall_s": wall,
-        "processor_s": processor, "host": host, "worker": worker, "attempt": attempt or None,
-        **{f"tag_{name}": value for name, value in job.tags},
+        **reading_columns(reading), "reason": reading.unmeasured, **_loads(reading.curve),
+        "calibration": row.calibration or None, "calibration_sha256": start,
+        "version": made["clutchid"] if made else None, "read_at": _instant(row.read_at),
+        "written_at": datetime.now(UTC) if whole else None, "wall_s": wall, "processor_s": processor, "host": host,
+        "worker": worker, "attempt": attempt or None, **{f"tag_{name}": value for name, value in job.tags},
         **(_whole(row, reading.curve) if whole else {}),
     }  # fmt: skip
 
@@ -118,22 +98,17 @@ def _instant(text: str) -> datetime | None:
     return datetime.fromisoformat(text) if text else None
 
 
-def _banded(name: str, sides: Sequence[float], unit: str, factor: float = 1.0) -> dict[str, float]:
-    """A number with its interval."""
-    return {f"{name}{end}{unit}": factor * value for end, value in zip(_SIDES, sides, strict=True)}
-
-
 def _loads(curve: LoadCurve | None) -> dict[str, float]:
     """The load at `PLACES` that it reaches, and its peak, with the intervals there."""
     if curve is None or not np.isfinite(curve.force).any():
         return {}
     position, *sides = curve.table().T
     peak = int(np.nanargmax(curve.force))
-    numbers = _banded("peak", [float(side[peak]) for side in sides], "_N")
+    numbers = banded("peak", [float(side[peak]) for side in sides], "_N")
     for place in PLACES:
         if 1e-3 * place <= position[-1]:
             loads = [float(np.interp(1e-3 * place, position, side)) for side in sides]
-            numbers |= _banded(f"load_{place}mm", loads, "_N")
+            numbers |= banded(f"load_{place}mm", loads, "_N")
     return numbers
 
 
@@ -141,13 +116,13 @@ def _whole(row: StoredRow, curve: LoadCurve | None) -> dict[str, Any]:
     """The points of a load, and what else the row of the index is."""
     points = curve.table().T.tolist() if curve else [None] * 4
     record = [row.inputs, row.file, row.reading, row.place, row.timing, row.date, row.read_at]
-    return dict(zip(_LOAD, points, strict=True)) | {_RECORD: json.dumps(record)}
+    return dict(zip(LOAD_COLUMNS, points, strict=True)) | {_RECORD: json.dumps(record)}
 
 
 def _restored(row: Mapping[str, Any]) -> StoredRow:
     """The row of the index for one of the table."""
     inputs, file, reading, place, timing, date, read_at = json.loads(row[_RECORD])
-    points = [row[name] for name in _LOAD]
+    points = [row[name] for name in LOAD_COLUMNS]
     curve = None if points[0] is None else np.array(points, dtype="<f8").tobytes()
     return StoredRow(
         row["vehicle"], row["recording"], inputs, file, row["status"], row["sha256"] or "", reading, curve, place,
@@ -247,5 +222,7 @@ def rows_in_parts(storage: Storage, keys: Mapping[str, Sequence[tuple[str, str]]
     for name, own in keys.items():
         table = pl.read_parquet(io.BytesIO(storage.read(name)))
         wanted = pl.DataFrame(own, {"vehicle": pl.String, "recording": pl.String}, orient="row")
-        rows = table.drop(*_LOAD, _RECORD).join(wanted, on=["vehicle", "recording"], how="semi", maintain_order="left")
+        rows = table.drop(*LOAD_COLUMNS, _RECORD).join(
+            wanted, on=["vehicle", "recording"], how="semi", maintain_order="left"
+        )
         yield rows.unique(["vehicle", "recording"], keep="last", maintain_order=True)

@@ -32,6 +32,11 @@ class Choice(NamedTuple):
     group: str
 
 
+def meanings() -> dict[str, str]:
+    """What each parameter means, by its name."""
+    return {name: row.meaning for name, row in Parameters.rows().items()}
+
+
 def checked_search(verb: str, search: RequestText, start: Path | None) -> tuple[Actuator, FitRequest]:
     """The actuator and the request of a fit; names and bounds are checked as far as recordings do not decide on them.
 

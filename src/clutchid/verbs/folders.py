@@ -44,12 +44,16 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
     names = {path.name for path in apart}
     files = [path for path in files if not ((path.name in names or path.is_symlink()) and path.resolve() in apart)]
     results = {*_results(files)}
+    return content_of((path for path in files if path not in results), len(results))
+
+
+def content_of(files: Iterable[Path], results: int) -> FolderContent:
+    """Files of a folder without its results, of which there are so many."""
     recordings: list[Path] = []
     others: list[Path] = []
     for path in files:
-        if path not in results:
-            (recordings if is_recording(path) else others).append(path)
-    return FolderContent(tuple(recordings), tuple(others), len(results))
+        (recordings if is_recording(path) else others).append(path)
+    return FolderContent(tuple(recordings), tuple(others), results)
 
 
 def _results(files: Sequence[Path]) -> Iterator[Path]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from clutchid.documents.results import WornClutch
 from clutchid.errors import DataError
 from clutchid.files import not_an_address, write_frame
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.log import FloatArray
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.processes import check_workers
@@ -36,9 +36,11 @@ from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import counted_once, read_recording, unless_lost
+from clutchid.wear.columns import LOAD_COLUMNS, NUMBERS, SIDES, TEXTS, banded, reading_columns
 from clutchid.wear.history import RecordingJob, WearReading
-from clutchid.wear.life import LifeLimits, Wear, to_estimate, wear_of
+from clutchid.wear.life import LifeLimits, LifeRow, Wear, to_estimate, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
+from clutchid.wear.trend import LIFE
 
 if TYPE_CHECKING:
     import polars as pl
@@ -231,6 +233,13 @@ def _several_folders(paths: Sequence[Path]) -> tuple[str, ...]:
     )
 
 
+#: Quantities of a trend with the ends of their columns and the factors of these.
+_TREND = {"shift": ("_mm", 1e3), "wear": ("_mm", 1e3), "load": ("_percent", 100.0)}
+
+#: Names of quantities in tables, where they are others.
+_NAMED = {"load": "load_change"}
+
+
 def table_of(wear: Wear) -> pl.DataFrame:
     """A row a recording: when, what came of it, its reading, and the trend there, as known then and given all.
 
@@ -238,73 +247,38 @@ def table_of(wear: Wear) -> pl.DataFrame:
     """
     import polars as pl
 
-    nothing, rows = float("nan"), wear.rows
-    jobs, readings = [row.job for row in rows], [row.reading for row in rows]
-    measured, beyond = [reading.measurement for reading in readings], len(wear.apart)
-    columns: dict[str, object] = {
-        "recording": [job.recording for job in jobs],
-        "vehicle": [wear.vehicle] * len(rows),
-        "begin": [job.begin.isoformat() if job.begin else None for job in jobs],
-        "odometer [km]": [job.odometer for job in jobs],
-        "strokes [1]": [job.strokes for job in jobs],
-        "status": [reading.status for reading in readings],
-        "message": [reading.message for reading in readings],
-        "trust": [reading.trust for reading in readings],
-        "by": pl.Series([reading.by for reading in readings], dtype=pl.String),
-        "outcome": [row.outcome for row in rows],
-        "reason": [row.reason for row in rows],
-        "warnings": [" ".join(job.warnings) for job in jobs],
-        "alarm": pl.Series(
-            [", ".join(a.kind for a in wear.alarms if a.before == job.recording) or None for job in jobs],
-            dtype=pl.String,
-        ),
-        "half_load [m]": [reading.half_load[0] for reading in readings],
-        "half_load low [m]": [reading.half_load[1] for reading in readings],
-        "half_load high [m]": [reading.half_load[2] for reading in readings],
-        "shift measured [m]": [values.shift if values else nothing for values in measured],
-        "shift measured std [m]": [values.shift_std if values else nothing for values in measured],
-        "load measured [1]": [values.load if values else nothing for values in measured],
-        "load measured std [1]": [values.load_std if values else nothing for values in measured],
-        "temperature_ambient [K]": [values.temperature if values else nothing for values in measured],
-        "changes": [", ".join(reading.changes) for reading in readings],
-        "leak [m³/(Pa·s)]": [reading.leak.conductance if reading.leak else 0.0 for reading in readings],
-        "leak probability [1]": [reading.leak.probability if reading.leak else 0.0 for reading in readings],
-        "rest shift [m]": [reading.rest.value if reading.rest else nothing for reading in readings],
-        "rest shift low [m]": [reading.rest.low if reading.rest else nothing for reading in readings],
-        "rest shift high [m]": [reading.rest.high if reading.rest else nothing for reading in readings],
-        "rest cause": [*(rest.cause for rest in wear.rests), *[""] * beyond],
-        "sha256": [reading.sha256 for reading in readings],
-        "axis": [wear.axis] * len(rows),
-        "along": _beyond(wear.s, beyond),
-        "limit [m]": [nothing if wear.limit is None else wear.limit] * len(rows),
-        **_forecast(wear),
-    }
-    units = {"shift": "m", "wear": "m", "load": "1"}
-    for when, bands in (("", wear.then), (" smoothed", wear.now)):
-        for name, band in bands.items():
-            columns |= {
-                f"{name}{when}{part} [{units[name]}]": _beyond(values, beyond)
-                for part, values in (("", band.value), (" low", band.low), (" high", band.high))
-            }
-    return pl.DataFrame(columns).fill_nan(None)
+    number, text = pl.Float64, pl.String
+    schema: dict[str, Any] = {
+        "recording": text, "vehicle": text, "begin": pl.Datetime("us", "UTC"), "odometer_km": number, "strokes": number,
+        **dict.fromkeys((*TEXTS, "outcome", "reason", "warnings", "alarm"), text), **dict.fromkeys(NUMBERS, number),
+        "rest_cause": text, "axis": text, "along": number, "limit_mm": number,
+        **{f"left_{axis}{side}": number for axis in LIFE for side in SIDES},
+    }  # fmt: skip
+    for when, name in product(("filtered", "smoothed"), _TREND):
+        schema |= dict.fromkeys(banded(f"{_NAMED.get(name, name)}_{when}", (0.0,) * 3, _TREND[name][0]), number)
+    return pl.DataFrame(
+        [_row(wear, k, row) for k, row in enumerate(wear.rows)], schema, orient="row"
+    ).fill_nan(None)  # fmt: skip
 
 
-def _beyond(values: FloatArray, count: int) -> FloatArray:
-    """Values of the recordings of a life, and none for as many files without a place in it."""
-    return np.append(values, np.full(count, np.nan))
-
-
-def _forecast(wear: Wear) -> dict[str, pl.Series]:
-    """Columns of the remaining life at the last recording, in the unit of the axis; infinite beyond the horizon."""
-    import polars as pl
-
-    sides = (None,) * 3 if wear.left is None else (wear.left.median, wear.left.low, wear.left.high)
-    last, count = len(wear.dated) - 1, len(wear.dated) + len(wear.apart)
-    names = ("left", "left low", "left high")
-    return {
-        name: pl.Series([side if k == last else None for k in range(count)], dtype=pl.Float64)
-        for name, side in zip(names, sides, strict=True)
-    }
+def _row(wear: Wear, k: int, row: LifeRow) -> dict[str, object]:
+    """A recording of a life as a row of its table; files beyond those with a place have no trend."""
+    job, columns = row.job, reading_columns(row.reading)
+    columns |= {
+        "recording": job.recording, "vehicle": wear.vehicle, "odometer_km": job.odometer, "strokes": job.strokes,
+        "outcome": row.outcome, "reason": row.reason, "warnings": " ".join(job.warnings), "axis": wear.axis,
+        "alarm": ", ".join(alarm.kind for alarm in wear.alarms if alarm.before == job.recording) or None,
+        "limit_mm": None if wear.limit is None else 1e3 * wear.limit,
+    }  # fmt: skip
+    if k < len(wear.dated):
+        columns |= {"rest_cause": wear.rests[k].cause if wear.rests else None, "along": float(wear.s[k])}
+        for when, bands in (("filtered", wear.then), ("smoothed", wear.now)):
+            for name, band in bands.items():
+                sides = (band.value[k], band.low[k], band.high[k])
+                columns |= banded(f"{_NAMED.get(name, name)}_{when}", sides, *_TREND[name])
+    if k == len(wear.dated) - 1 and wear.left is not None:
+        columns |= banded(f"left_{wear.axis}", (wear.left.median, wear.left.low, wear.left.high))
+    return {**columns, "begin": job.begin}
 
 
 def load_frame(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | None]) -> pl.DataFrame:
@@ -315,8 +289,7 @@ def load_frame(keys: Mapping[str, Sequence[str]], curves: Sequence[LoadCurve | N
     values = np.concatenate([curve.table() for _, curve in curves_by_row]) if curves_by_row else np.zeros((0, 4))
     rows = [i for i, curve in curves_by_row for _ in range(curve.position.size)]
     named = {key: pl.Series([texts[i] for i in rows], dtype=pl.String) for key, texts in keys.items()}
-    heads = ("position [m]", "force [N]", "force low [N]", "force high [N]")
-    return pl.DataFrame({**named, **dict(zip(heads, values.T, strict=True))})
+    return pl.DataFrame({**named, **dict(zip(LOAD_COLUMNS, values.T, strict=True))})
 
 
 def write_tracked(tracked: WornClutch, out: Path) -> None:

@@ -43,7 +43,7 @@ const seen = new Set();
 
 /** Send the files of one run: the first is what is opened, the others are read beside it. */
 async function take(files, redraw) {
-  const place = ({ name }) => (/\.load\.|^part-/.test(name) ? 2 : /^(results|wear)\.parquet$/.test(name) ? 1 : 0);
+  const place = ({ name }) => (/\.load\.|^part-/.test(name) ? 2 : name === "vehicles.parquet" ? 0 : 1);
   let first = "";
   await sending(box, [...files].sort((a, b) => place(a) - place(b)), redraw, async (file, upload) => {
     const { id } = await upload(`/api/tables?${new URLSearchParams({ name: file.name, ...(first && { beside: first }) })}`);
@@ -235,7 +235,7 @@ function drawVehicle(details, head, { id, found }) {
             onchange: (event) => { state.shown[event.target.checked ? "add" : "delete"](row.recording); plot?.end(); plot = drawLoads(); } })),
           h("th", { scope: "row" }, named(row.recording)), columns.map(([, , cell, number]) => h("td", { class: number ? "number" : null }, cell(row))))), { name: "fleet stack", scroll: "Table of loads" }),
       h("p", { class: "hint" }, `Loads have 95 % intervals.${alarmed.size ? " A bar at the left marks a recording with an alarm." : ""}`,
-        found.load_count > loads.length ? ` ${loads.length} of ${found.load_count} loads can be plotted, evenly over the life.` : loads.length ? "" : " No loads of this vehicle lie beside this file (FILE.load.parquet, or curves/ of a fleet), so none is plotted."));
+        found.load_count > loads.length ? ` ${loads.length} of ${found.load_count} loads can be plotted, evenly over the life.` : loads.length ? "" : " No loads of this vehicle lie beside this file (FILE.load.parquet, or recordings/ of a fleet), so none is plotted."));
   }
 }
 
