@@ -74,7 +74,7 @@ def test_a_large_body_is_refused(idle, length):
         ({"position": {"channel": "x", "unit": "furlong"}}, "unit = 'furlong': is not known here"),
         ({"position": {"channel": "x", "sign": 2}}, "sign = 2: must be 1 or -1"),
         ({"speed": {"channel": "x"}}, "speed"),
-        ({"position": {"channel": "x", "delay": 3.0}}, "at most 0.5 s late"),
+        ({"position": {"channel": "x", "delay": 3.0}}, "at most 0.5 s is needed"),
         ({"position": "x"}, "write a table"),
         ({"position": {"channel": ["x"]}}, "a string is needed"),
         ({"position": {"channel": [None]}}, "texts and numbers"),
