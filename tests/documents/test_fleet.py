@@ -116,13 +116,13 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
     ):
         assert f"<h2>{heading}</h2>" in html
     for words in (
-        "3 vehicles, 30 recordings: 18 ok, 10 bad_input, 2 failed",
+        "3 vehicles, 30 recordings: 18 ok, 10 bad input, 2 failed",
         "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm",
         "clutchid fleet &lt;rows&gt;",
     ):
         assert words in html
     assert html.count("data:image/svg+xml") == 1
-    assert Parsed(html).tables["12 recordings by reason"][1] == ["bad_input", "12", "NAME has no position.", "r7"]
+    assert Parsed(html).tables["12 recordings by reason"][1] == ["bad input", "12", "NAME has no position.", "r7"]
 
 
 def test_the_table_of_all_vehicles_has_every_one_by_name_with_a_link_to_its_page():

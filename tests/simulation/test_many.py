@@ -212,7 +212,7 @@ def test_a_file_with_gauge_pressures_counts_from_the_ambient_of_each_actuator(tm
     actuators = [Actuator().replace({"P_0": 0.95e5}), Actuator(), Actuator().replace({"P_0": 1.02e5})]
     simulations = simulate_many(actuators, tmp_path / "log.csv")
     assert_as_simulated(simulations, actuators, [tmp_path / "log.csv"] * 3)
-    assert "P_0 is" in simulations[1].warnings[0]
+    assert "P_0, is" in simulations[1].warnings[0]
 
 
 def test_a_divergence_is_a_status_or_is_raised():

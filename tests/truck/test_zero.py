@@ -81,4 +81,4 @@ def test_the_command_has_a_word_of_its_own_for_the_zero_of_the_sensor(tmp_path, 
     assert called(*worn, "--zero", "kept") == 2
     assert "Unknown option: --zero" in capsys.readouterr().err
     assert called("drive", "--fleet", "1", "--out", tmp_path / "fleet", "--sensor-zero", "kept") == 2
-    assert "--sensor-zero: belongs to a single recording" in capsys.readouterr().err
+    assert "--sensor-zero is for a single recording" in capsys.readouterr().err

@@ -164,7 +164,9 @@ def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
     for vehicle in vehicles:
         statuses.update(vehicle.statuses)
     recordings = sum(vehicle.recordings for vehicle in vehicles)
-    by_status = ", ".join(f"{number:,} {status}" for status, number in statuses.most_common() if number)
+    by_status = ", ".join(
+        f"{number:,} {status.replace('_', ' ')}" for status, number in statuses.most_common() if number
+    )
     words = f"{_number(len(vehicles), 'vehicle')}, {_number(recordings, 'recording')}"
     return f"{words}: {by_status}" if by_status else words
 

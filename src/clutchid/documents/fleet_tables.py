@@ -192,7 +192,9 @@ def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]
 
 
 def _few(vehicle: VehicleRow) -> str:
-    words = ", ".join(f"{number} {printable(status)}" for status, number in vehicle.statuses.items() if number)
+    words = ", ".join(
+        f"{number} {printable(status).replace('_', ' ')}" for status, number in vehicle.statuses.items() if number
+    )
     return f"{vehicle.counted} of {vehicle.recordings} recordings count; by status: {words or 'not known'}."
 
 
@@ -270,7 +272,10 @@ def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
         Column("example", "for example"),
     )  # fmt: skip
     ordered = sorted(reasons, key=lambda reason: -reason.recordings)
-    rows = [(row.status, row.recordings, printable(row.sentence), printable(row.example)) for row in ordered[:_REASONS]]
+    rows = [
+        (row.status.replace("_", " "), row.recordings, printable(row.sentence), printable(row.example))
+        for row in ordered[:_REASONS]
+    ]
     rest = ordered[_REASONS:]
     more = f"{len(rest):,} rarer reasons, of {sum(row.recordings for row in rest):,} recordings, are left out here."
     total = sum(reason.recordings for reason in reasons)

@@ -49,7 +49,7 @@ def recordings_words(wear: Wear) -> str:
         words.append(f"{outliers} outlier{'s' if outliers > 1 else ''} left out")
     recordings = [row.reading for row in wear.rows if not row.reading.apart]
     failed = Counter(reading.status for reading in recordings if reading.measurement is None)
-    words += [f"{number} without a measurement ({status})" for status, number in failed.items()]
+    words += [f"{number} without a measurement ({status.replace('_', ' ')})" for status, number in failed.items()]
     if wear.axis != "recordings":
         words.append(f"over {wear.s[-1] - wear.s[0]:,.0f} {wear.axis}")
     others = len(wear.rows) - len(recordings)

@@ -46,7 +46,7 @@ class ObservedRecording:
     observer
         The observer, a value that does not change.
     log
-        The recording; what is no value is missing.
+        The recording, in which impossible values are missing.
     before, after
         States of the observer before the first and after the last sample.
     samples
@@ -276,7 +276,7 @@ def _supply_use(after: ObserverState, log: Log) -> SupplyUse:
 
 
 def _values(log: Log, samples: Observed) -> Log:
-    """A part of a recording in which what is no value is missing; the same object where all are values."""
+    """A part of a recording in which impossible values are missing; the same object if there are none."""
     verdicts = samples.verdicts
     wrong = {"position": ~is_value(verdicts), **dict.fromkeys(INPUTS, ends_stretch(verdicts))}
     if "pressure_supply" in log:

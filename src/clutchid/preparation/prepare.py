@@ -74,7 +74,7 @@ def with_duty_cycles(logs: Sequence[Log], equipment: Equipment) -> list[Log]:
 
 
 def with_usable_samples(logs: Sequence[Log], actuator: Actuator) -> list[Log]:
-    """Logs in which what is no value is missing, with a warning each; see `clutchid.strokes.values`.
+    """Logs in which impossible values are missing, with a warning each; see `clutchid.strokes.values`.
 
     Raises
     ------

@@ -179,7 +179,7 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """A recording in which what is no value is missing, what that was, and the limits for which it is so."""
+    """A recording in which impossible values are missing, the faults, and the limits of possible values."""
 
     log: Log
     faults: tuple[Fault, ...] = ()
@@ -202,7 +202,7 @@ class Values:
 
 
 def values_of(log: Log, actuator: Actuator) -> Values:
-    """A recording in which what is no value is missing; the same object where all are values.
+    """A recording in which impossible values are missing; the same object if there are none.
 
     Duty cycles become missing, which ends a segment, where a logger repeats its samples, and at a step that stays.
 
@@ -321,7 +321,7 @@ def _too_many(log: Log, name: str, wrong: BoolArray) -> bool:
 def _judge(
     log: Log, name: str, bounds: rule.ValueLimits, missing: dict[str, BoolArray], faults: list[Fault]
 ) -> tuple[rule.ValueLimits, rule.ValueLimits]:
-    """Add what is no value of a measured column to `missing` and `faults`, and say for which limits it is so.
+    """Add the impossible values of a measured column to `missing` and `faults`; returns the limits of possible values.
 
     The rates only limit steps: without one, larger rates change nothing. Smaller ones are tried first.
     """

@@ -168,7 +168,7 @@ def _name(group: Any) -> str:
 
 
 def _xml(text: str) -> ET.Element | None:
-    """The root of an XML text; None where it is none, or declares entities, which could unfold to gigabytes."""
+    """The root of an XML text; None if it is not XML or declares entities, which could expand to gigabytes."""
     if not text.lstrip().startswith("<") or "<!" in text:
         return None
     try:
