@@ -221,16 +221,16 @@ def counted(life: Life) -> Counts:
     place = {row.job.recording: k for k, row in enumerate(life.recordings)}
     at = [(place[alarm.before], alarm.kind) for alarm in life.wear.alarms]
     events = [(k, row.truth["event"]) for k, row in enumerate(life.recordings) if row.truth["event"]]
-    own, unlike = set[int](), set[int]()
+    named = set[int]()
     detected = other = 0
     for k, event in events:
         kinds, patience = ALARMS[event]
-        of_event = {i for i, (j, kind) in enumerate(at) if k <= j <= k + patience and kind in kinds}
+        own = {i for i, (j, kind) in enumerate(at) if k <= j <= k + patience and kind in kinds}
         near = {i for i, (j, _) in enumerate(at) if k <= j <= k + 1}
-        detected += bool(of_event)
-        other += not of_event and bool(near)
-        own, unlike = own | of_event, unlike | near
-    return Counts(len(events), detected, other, len(at) - len(own | unlike))
+        detected += bool(own)
+        other += not own and bool(near)
+        named |= own or near
+    return Counts(len(events), detected, other, len(at) - len(named))
 
 
 def print_ways(vehicles: Sequence[Sequence[Recording]]) -> None:

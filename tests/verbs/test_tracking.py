@@ -99,5 +99,5 @@ def test_a_table_of_wear_beside_the_calibration_is_used(vehicle):
         for name, end in (("cal", 1.5), ("other", 2.0)):
             (folder / f"{name}.wear.csv").write_text(f"wear [mm],half_load [mm],load [N]\n0,2.8,4000\n{end},2.9,4400\n")
         beside = clutchid.track(folder / "V1", folder / "cal.toml").wear
-        given = clutchid.track(folder / "V1", folder / "cal.toml", wear_table=folder / "other.wear.csv").wear
-    assert (beside.end_of_table, given.end_of_table) == (1.5e-3, 2e-3)
+        other = clutchid.track(folder / "V1", folder / "cal.toml", wear_table=folder / "other.wear.csv").wear
+    assert (beside.end_of_table, other.end_of_table) == (1.5e-3, 2e-3)
