@@ -6,10 +6,12 @@ import pytest
 
 import clutchid
 from clutchid.errors import DataError, ParameterError
+from clutchid.fleets import output
 from clutchid.log import Log
 from clutchid.verbs import wear_reading
 from clutchid.verbs.tracking import write_tracked
 from clutchid.wear.history import WearReading
+from clutchid.wear.trend import LaterCalibration
 from fixtures.commands import without_workers
 from fixtures.lives import reading
 
@@ -211,3 +213,35 @@ def test_a_fleet_by_auto_observes_first_and_estimates_what_the_trend_does_not_ex
     assert run_of(fleet, verb="track", by="auto").read == 0
     with pytest.raises(ParameterError, match="--by auto: belongs to --verb track; for --verb fit leave it out"):
         run_of(fleet, by="auto")
+
+
+@pytest.mark.slow
+def test_a_calibration_that_holds_from_a_date_reads_what_is_later_and_is_no_new_clutch(fleet, monkeypatch):
+    def fitted(log, content, _zero):
+        day = int(log.metadata["start"][8:10])
+        return reading(SHIFT * day - (2e-4 if content.actuator.parameters.M == 9.0 else 0.0))
+
+    monkeypatch.setattr(wear_reading, "_fitted", fitted)
+    offset = LaterCalibration(2e-4, 1e-5, 0.0, 0.01)
+    monkeypatch.setattr(output, "later_calibrations", lambda starts: {starts[1]: offset})
+    (fleet / "cals").mkdir()
+    (fleet / "cals" / "V1.toml").write_text("[parameters]\n")
+    (fleet / "cals" / "V1@2026-01-05.toml").write_text("[parameters]\nM = 9.0\n")
+    run = run_of(fleet, verb="track", start=fleet / "cals")
+    results = pl.read_parquet(fleet / "out" / "results.parquet")
+    assert results["calibration"].to_list() == ["V1.toml"] * 4 + ["V1@2026-01-05.toml"] * 4
+    assert run.read == COUNT + 4, "the days are in the files, and known when these have been read"
+    trend = pl.read_parquet(fleet / OWN)
+    assert set(trend["outcome"]) == {"used"}
+    assert trend["alarm"].null_count() == COUNT
+    assert 0.0 < trend["shift_smoothed_mm"][-1] < 0.08, "0.04 are true, and -0.16 without the offset"
+    assert run_of(fleet, verb="track", start=fleet / "cals").read == 0
+    (fleet / "cals" / "V1.toml").rename(fleet / "cals" / "V1@2026-01-03.toml")
+    run = run_of(fleet, verb="track", start=fleet / "cals")
+    assert run.statuses == {"ok": 6, "bad_input": 2}
+    messages = pl.read_parquet(fleet / "out" / "results.parquet")["message"]
+    assert messages[0] == "no calibration of vehicle 'V1' holds on 2026-01-01: the first one is of 2026-01-03."
+    (fleet / "cals" / "V1@20260105.toml").write_text("[parameters]\nM = 8.0\n")
+    run_of(fleet, verb="track", start=fleet / "cals")
+    message = pl.read_parquet(fleet / "out" / "results.parquet")["message"][-1]
+    assert message == "V1@2026-01-05.toml and V1@20260105.toml hold from the same date; keep one of them."

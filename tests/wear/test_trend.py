@@ -10,6 +10,7 @@ from clutchid.wear.trend import (
     GROWTH,
     LIFE,
     REFERENCE,
+    LaterCalibration,
     WearTable,
     smoothed_states,
     traced,
@@ -182,3 +183,22 @@ def test_with_a_table_the_facing_is_the_quantity_and_its_end_is_extrapolated():
     assert steps[-1].mean[0] == pytest.approx(true[-1], abs=0.2e-3)
     assert abs(steps[-1].mean[0] - true[-1]) < 1.96 * np.sqrt(steps[-1].covariance[0, 0])
     assert model.channels[1][1](np.array([7e-3])) == pytest.approx([0.16])
+
+
+def test_a_later_calibration_is_an_offset_with_its_error_and_no_new_clutch():
+    random, n, worn = np.random.default_rng(4), 20, 3e-4
+    offset = LaterCalibration(worn, 5e-5, -0.02, 0.02)
+    true = np.linspace(0.0, 6e-4, n)
+    seen = true + 5e-6 * random.standard_normal(n)
+    first = [Measurement(shift, 3e-5, -40.0 * shift, 0.01, 293.0) for shift in seen[: n // 2]]
+    later = [Measurement(shift - worn - 4e-5, 3e-5, 0.0, 0.01, 293.0) for shift in seen[n // 2 :]]
+    loads = -40.0 * true[n // 2 :]
+    carried = [offset.since_first(now, 1)._replace(load=load) for now, load in zip(later, loads, strict=True)]
+    carried = [*first, *carried]
+    s = STRIDE * np.arange(n)
+    path, *_ = traced(trend_model(LIFE["strokes"], None, ("estimate",), (offset,)), s, carried)
+    assert {step.outcome for step in path.steps} == {"used"}
+    mean, covariance = smoothed_states(path.steps)[-1]
+    assert mean[0] == pytest.approx(true[-1], abs=2 * np.sqrt(covariance[0, 0]))
+    alone, *_ = traced(trend_model(LIFE["strokes"]), s, [now._replace(calibration=0) for now in carried])
+    assert covariance[0, 0] > smoothed_states(alone.steps)[-1][1][0, 0], "its error does not average out"

@@ -6,6 +6,7 @@ import json
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from datetime import date
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -29,7 +30,7 @@ from clutchid.verbs.folders import (
     no_recordings,
 )
 from clutchid.verbs.reading import Reading, by_suffix
-from clutchid.wear.history import RecordingJob
+from clutchid.wear.history import RecordingJob, dated
 from clutchid.wear.tables import read_fleet_table
 
 #: A folder with this file is a fleet with a table, as `clutchid drive --fleet` writes it.
@@ -94,7 +95,7 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
         raise NoRecordingsError(f"{source}: none of the files of its {len(located):,} recordings exists.")
     calibrations = _calibrations(start)
     located.sort(key=key_of)
-    jobs = tuple(_with_calibration(job, start, calibrations) for job in located)
+    jobs = tuple(_with_calibration(job, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
     return Fleet(jobs, beside, _RENAMED.format(listed(sorted(renamed), 3)) if renamed else "", objects, stamps)
@@ -179,19 +180,69 @@ def _unlisted(listed: Iterable[RecordingJob], content: FolderContent) -> str:
     return f"not read, because the table does not name them: {by_suffix(beside)}." if beside else ""
 
 
-def _calibrations(start: Path) -> dict[str, Path] | None:
-    """Calibrations by type or vehicle; None where one serves all."""
+class _Calibrations(NamedTuple):
+    """Calibrations by type or vehicle, each with the date from which it holds, in order; or the one of all.
+
+    A name without a date holds from the beginning, and has an empty one.
+    """
+
+    place: Path
+    by_name: Mapping[str, Sequence[tuple[str, Path]]] = MappingProxyType({})
+
+    @property
+    def has_dates(self) -> bool:
+        """Whether one holds from a date only."""
+        return any(date for several in self.by_name.values() for date, _ in several)
+
+    def of(self, job: RecordingJob, known: str) -> tuple[Path | None, str]:
+        """The calibration that holds for a recording, whose date may be known from its file; or why none does.
+
+        Where the date is not known, it is the first one.
+        """
+        if not self.by_name:
+            return self.place, ""
+        what = f"type '{job.type}'" if job.type else f"vehicle '{job.vehicle}'"
+        several = self.by_name.get(job.vehicle) or self.by_name.get(job.type) or ()
+        if not several:
+            return None, f"there is no calibration of {what}: {self.place / (job.type or job.vehicle)}.toml."
+        if len(several) == 1 and not several[0][0]:
+            return several[0][1], ""
+        begin = dated(job, "").begin
+        day = known or (f"{begin:%Y-%m-%d}" if begin else "9999")
+        holding = [entry for entry in several if entry[0] <= day]
+        if not holding:
+            return None, f"no calibration of {what} holds on {day}: the first one is of {several[0][0]}."
+        same = [path for first, path in holding if first == holding[-1][0]]
+        if len(same) > 1:
+            return None, f"{same[0].name} and {same[1].name} hold from the same date; keep one of them."
+        return (same[0] if day != "9999" else several[0][1]), ""
+
+
+def _calibrations(start: Path) -> _Calibrations:
+    """Calibrations by type or vehicle, or the one of all."""
     not_an_address(start, "--start")
     if not is_there(start):
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():
-        return None
-    by_name = by_own_name(start, ".toml")
+        return _Calibrations(start)
+    by_name: dict[str, list[tuple[str, Path]]] = defaultdict(list)
+    for name, path in by_own_name(start, ".toml").items():
+        owner, _, text = name.rpartition("@")
+        begin = _date(text)
+        by_name[owner if owner and begin else name].append((begin if owner else "", path))
     if not by_name:
         raise ParameterError(
             f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
         )
-    return by_name
+    return _Calibrations(start, {name: sorted(several) for name, several in by_name.items()})
+
+
+def _date(text: str) -> str:
+    """A date as ISO 8601; empty if it is none."""
+    try:
+        return date.fromisoformat(text).isoformat()
+    except ValueError:
+        return ""
 
 
 def by_own_name(folder: Path, suffix: str) -> dict[str, Path]:
@@ -200,27 +251,39 @@ def by_own_name(folder: Path, suffix: str) -> dict[str, Path]:
     return {as_text(path.relative_to(folder).as_posix()).removesuffix(suffix): path for path in paths}
 
 
-def _with_calibration(job: RecordingJob, start: Path, calibrations: Mapping[str, Path] | None) -> RecordingJob:
-    """A recording with its calibration, or with the problem that there is none."""
-    calibration = start if calibrations is None else calibrations.get(job.vehicle) or calibrations.get(job.type)
-    if calibration is not None or job.path is None:
-        return replace(job, start=calibration)
-    what = f"type '{job.type}'" if job.type else f"vehicle '{job.vehicle}'"
-    place = start / (job.type or job.vehicle)
-    return replace(job, problem=as_text(f"there is no calibration of {what}: {place}.toml."))
+def _with_calibration(job: RecordingJob, calibrations: _Calibrations, known: str = "") -> RecordingJob:
+    """A recording with its calibration, or with the problem that there is none; its date may be known from its file."""
+    start, problem = calibrations.of(job, known)
+    if start is not None or job.path is None:
+        return replace(job, start=start)
+    return replace(job, start=None, problem=as_text(problem))
 
 
 def with_own_calibration(job: RecordingJob, start: Path) -> RecordingJob:
     """A recording with its calibration, which is that of all or of its vehicle or type."""
-    return _with_calibration(job, start, _calibrations(start))
+    return _with_calibration(job, _calibrations(start))
 
 
-def with_missing(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredKey]) -> Fleet:
-    """A fleet with the recordings of its index that have a result, but no file any more."""
-    listed, calibrations = {key_of(job) for job in fleet.jobs}, _calibrations(start)
-    gone = [entry.job for key, entry in keys.items() if entry.has_result and key not in listed]
-    missing = (_with_calibration(replace(job, file=""), start, calibrations) for job in gone)
-    return fleet._replace(jobs=tuple(sorted((*fleet.jobs, *missing), key=key_of)))
+def has_dates(start: Path) -> bool:
+    """Whether a calibration holds from a date only."""
+    return _calibrations(start).has_dates
+
+
+def with_known(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredKey], *, missing: bool) -> Fleet:
+    """A fleet whose calibrations hold on the dates in its index; with `missing` also what has no file any more."""
+    calibrations = _calibrations(start)
+    jobs = list(fleet.jobs)
+    if calibrations.has_dates:
+        dates = {key: entry.date for key, entry in keys.items()}
+        of_date = (
+            _with_calibration(replace(job, problem=""), calibrations, dates.get(key_of(job), "")) for job in jobs
+        )
+        jobs = [new if job.path else job for job, new in zip(jobs, of_date, strict=True)]
+    if missing:
+        listed = {key_of(job) for job in jobs}
+        gone = [entry for key, entry in keys.items() if entry.has_result and key not in listed]
+        jobs += (_with_calibration(replace(entry.job, file=""), calibrations, entry.date) for entry in gone)
+    return fleet._replace(jobs=tuple(sorted(jobs, key=key_of)))
 
 
 def with_inputs(fleet: Fleet, reading: Reading, verb: str) -> Fleet:

@@ -23,9 +23,10 @@ from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.parts import frame_of, part_content, rows_in_parts, schema
 from clutchid.fleets.plan import Key, State, rows_of
 from clutchid.fleets.storage import Storage
-from clutchid.fleets.store import Store, StoredKey, place_of, stored_row
+from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
+from clutchid.verbs.wear_reading import later_calibrations
 from clutchid.wear.columns import SIDES, banded
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, to_estimate, wear_of
@@ -134,7 +135,7 @@ def vehicles_of(
             vehicles.append(_restored(known[1]))
             continue
         rows = rows_of(own, store)
-        wear = wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit)
+        wear = _wear(vehicle, rows, limit)
         if file:
             _write_vehicle(WornClutch(wear, home=f"../{_INDEX}"), command, out / file)
         state = VehicleState(_row(wear, f"{file}.html" if file else ""), _reasons_of(wear))
@@ -154,10 +155,17 @@ def to_read_again(
         limit, file = limits(own[0].job), f"{_FILES}/{_file_name(vehicle, names)}"
         if before.get(vehicle, ("",))[0] != _hash(own, limit, file):
             rows = rows_of(own, store)
-            wear = wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit)
+            wear = _wear(vehicle, rows, limit)
             again = {job.recording for job in to_estimate(wear)}
             jobs += [state.job for state in own if state.job.recording in again and not state.file_gone]
     return jobs
+
+
+def _wear(vehicle: str, rows: Sequence[RecordingRow], limit: LifeLimits) -> Wear:
+    """The wear of a vehicle; of calibrations that hold from a date, later ones have an offset in its trend."""
+    starts = sorted({row.job.start for row in rows if row.job.start}, key=lambda path: path.name)
+    later = later_calibrations(starts) if len(starts) > 1 else {}
+    return wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit, later=later)
 
 
 def _hash(states: Sequence[State], limit: LifeLimits, file: str) -> str:

@@ -31,7 +31,7 @@ Key = tuple[str, str]
 _LOST = ("killed", "timed_out")
 
 #: A recording without a result.
-_NONE = StoredKey(RecordingJob(""), "", "", "", "", "", "")
+_NONE = StoredKey(RecordingJob(""), "", "", "", "", "", "", "")
 
 
 class Plan(NamedTuple):

@@ -112,6 +112,7 @@ class StoredKey(NamedTuple):
     checksum: str
     status: str
     place: str
+    date: str
     read_at: str
     row: str
     part: str
@@ -135,7 +136,7 @@ class Store:
     def keys(self) -> dict[tuple[str, str], StoredKey]:
         """The recordings of the index by vehicle and recording, in their order."""
         rows = self._rows("ORDER BY vehicle, recording")
-        return {row[:2]: StoredKey(row.job, row.sha256, row.status, row.place, *row[-3:]) for row in rows}
+        return {row[:2]: StoredKey(row.job, row.sha256, row.status, row.place, *row[-4:]) for row in rows}
 
     def of_vehicle(self, vehicle: str) -> dict[str, StoredRow]:
         """The rows of a vehicle by recording."""

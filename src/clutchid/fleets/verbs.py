@@ -21,9 +21,10 @@ from clutchid.fleets.jobs import (
     NoRecordingsError,
     by_own_name,
     fleet_of,
+    has_dates,
     key_of,
     with_inputs,
-    with_missing,
+    with_known,
 )
 from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, to_read_again, vehicles_of, write_fleet, write_results
 from clutchid.fleets.parts import adopt, append
@@ -189,12 +190,16 @@ def fleet(
         before = times_of(folder) if places.target else {}
         adopt(base, storage)
         keys = base.keys()
-        listed = with_inputs(listed if forget_missing else with_missing(listed, calibrations, keys), reading, work.how)
-        if share:
-            listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
-        if not listed.jobs and not share:
-            raise NoRecordingsError(absent)
-        states, read = _read_new(listed, work, keys, base, storage, retry=retry, forget=forget_missing, fold=not share)
+        read, states = 0, list[State]()
+        for _ in range(2 if has_dates(calibrations) else 1):  # the dates in files are known when they have been read
+            listed = with_inputs(with_known(listed, calibrations, keys, missing=not forget_missing), reading, work.how)
+            if share:
+                listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
+            if not listed.jobs and not share:
+                raise NoRecordingsError(absent)
+            options = {"retry": retry and not states, "forget": forget_missing, "fold": not share}
+            states, count = _read_new(listed, work, keys, base, storage, **options)
+            keys, read = base.keys() if count else keys, read + count
 
         def limits(job: RecordingJob) -> LifeLimits:
             return LifeLimits(limit, tables.of(job))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.errors import ClutchidError, DataError, ParameterError
-from clutchid.estimation.assess.comparison import compared, comparison, half_load_band, measured
+from clutchid.estimation.assess.comparison import change_of, compared, comparison, half_load_band, measured
 from clutchid.estimation.assess.reasons import departs, reasons
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.request import FitRequest
+from clutchid.estimation.result import calibrated_curve
 from clutchid.files import digest
 from clutchid.log import Log
 from clutchid.measurements import NoFramesError
@@ -34,6 +35,7 @@ from clutchid.wear.history import (
     observed_leak,
     unmeasured,
 )
+from clutchid.wear.trend import LaterCalibration
 
 if TYPE_CHECKING:
     from clutchid.estimation.parameter_file import ParameterFile
@@ -172,6 +174,28 @@ def _observed(log: Log, content: ParameterFile, zero: Zero, *, screened: bool = 
         status, observe_sentence(run), judged.trust, measurement, observed_leak(run), shown.mismatch > MISMATCH.none,
         rest, reason, half_load=half, curve=after, by="observe",
     )  # fmt: skip
+
+
+#: Offset of a calibration whose load cannot be compared with that of the first one: not known.
+_UNKNOWN = LaterCalibration(0.0, 5e-3, 0.0, 1.0)
+
+
+def later_calibrations(starts: Sequence[Path]) -> dict[Path, LaterCalibration]:
+    """The calibrations of a vehicle after its first one against that, from their own loads.
+
+    The error of the first one is that of all changes of the vehicle; that of a later one is its offset in the trend.
+    """
+    first, *others = (_calibration(path, digest(path)) for path in starts)
+    later = {}
+    for path, other in zip(starts[1:], others, strict=True):
+        load, travel = other.calibration and calibrated_curve(other.actuator, other.calibration), None
+        if other.calibration and other.calibration.travel:
+            travel = other.calibration.travel.reach
+        reach = float(load.position[-1]) if load and travel is None else travel
+        change = compared(first.actuator, first.calibration, load, reach) if load and reach else None
+        values = change_of(change) if change else None
+        later[path] = LaterCalibration(*values) if values else _UNKNOWN
+    return later
 
 
 @lru_cache(maxsize=64)

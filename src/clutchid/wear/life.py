@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,7 @@ from clutchid.wear.trend import (
     SURE,
     Band,
     Interval,
+    LaterCalibration,
     TrendModel,
     WearTable,
     growth_noise,
@@ -262,22 +265,28 @@ def wear_of(
     readings: Sequence[WearReading],
     limits: LifeLimits,
     warnings: Sequence[str] = (),
+    later: Mapping[Path, LaterCalibration] = MappingProxyType({}),
 ) -> Wear:
     """The wear of a clutch through recordings that were read, in any order.
 
-    `warnings` come before those of the order.
+    `warnings` come before those of the order. `later` are the calibrations of the vehicle after its first one, by their
+    files, in order; changes since them become changes since the first.
     """
     history, (limit, table) = arranged(jobs, readings), limits
     ordered = [readings[i] for i in history.order]
     dated = tuple(history.dated[i] for i in history.order)
     apart = tuple((history.dated[i], readings[i]) for i in history.apart)
     life = LIFE[history.axis]
-    measurements = [reading.measurement for reading in ordered]
+    numbers = {path: number for number, path in enumerate(later, start=1)}
+    measurements = [
+        later[job.start].since_first(now, numbers[job.start]) if now and job.start and job.start in later else now
+        for job, now in zip(dated, (reading.measurement for reading in ordered), strict=True)
+    ]
     readers = tuple(sorted({now.by for now in measurements if now})) or ("estimate",)
-    model = trend_model(life, table, readers)
+    model = trend_model(life, table, readers, tuple(later.values()))
     paths = traced(model, history.s, measurements)
     filtered = [[(step.mean, step.covariance) for step in path.steps] for path in paths]
-    later = [smoothed_states(path.steps) for path in paths]
+    smoothed = [smoothed_states(path.steps) for path in paths]
     shares = np.array([path.probability for path in paths])
     then = _bands(model, shares, filtered, table)
     name, end = _limit(table, limit)
@@ -288,8 +297,9 @@ def wear_of(
     waiting = (k for k, verdict in enumerate(results) if verdict.outcome == "left out" and verdict.probability < SURE)
     wear = Wear(
         vehicle, history.axis, history.s, dated, tuple(ordered), outcomes, then,
-        _bands(model, shares, later, table), _rates(model, shares, later), alarms(dated, ordered, results, then, moves),
-        limit if table is None else end, None, (*warnings, *history.warnings), tuple(moves), apart,
+        _bands(model, shares, smoothed, table), _rates(model, shares, smoothed),
+        alarms(dated, ordered, results, then, moves), limit if table is None else end, None,
+        (*warnings, *history.warnings), tuple(moves), apart,
         None if table is None else float(table.wear[-1]), frozenset(waiting),
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:

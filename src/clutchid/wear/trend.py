@@ -156,19 +156,37 @@ class WearTable(NamedTuple):
     load: FloatArray
 
 
+class LaterCalibration(NamedTuple):
+    """Load of a later calibration of a vehicle against that of its first one, with standard deviations.
+
+    `shift` [m] is that of the half-load position, `load` the relative change of the mean load over 5 to 8 mm.
+    """
+
+    shift: float
+    shift_std: float
+    load: float
+    load_std: float
+
+    def since_first(self, now: Measurement, number: int) -> Measurement:
+        """A change since this calibration, which is that with a number, as one since the first."""
+        load = (1.0 + self.load) * (1.0 + now.load) - 1.0
+        return now._replace(shift=self.shift + now.shift, load=load, calibration=number)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TrendModel:
     """Quantities that grow, and which one each channel measures, by a function of it.
 
     The state is (value, rate) of each quantity, then for each of `readers`, which read the recordings, (constant error,
-    error in 10 K) of each channel, then the sum of the sudden changes of each channel. `life` is how much of s a life
-    has.
+    error in 10 K) of each channel, then the sum of the sudden changes of each channel, then the error with which each
+    of `later` calibrations was compared with the first one, by channel. `life` is how much of s a life has.
     """
 
     quantities: tuple[str, ...]
     channels: tuple[tuple[int, _Function], ...]
     life: float
     readers: tuple[By, ...]
+    later: tuple[LaterCalibration, ...] = ()
 
     @property
     def errors(self) -> int:
@@ -186,10 +204,15 @@ class TrendModel:
         """Index of the first channel's sudden changes in the state."""
         return self.errors + 2 * len(self.channels) * len(self.readers)
 
+    def offsets(self, calibration: int) -> slice:
+        """Places of the errors of a calibration after the first one in the state, by channel."""
+        first = self.changes + len(self.channels) * calibration
+        return slice(first, first + len(self.channels))
+
     @property
     def size(self) -> int:
         """Length of the state."""
-        return self.changes + len(self.channels)
+        return self.changes + len(self.channels) * (1 + len(self.later))
 
 
 class TrendStep(NamedTuple):
@@ -216,12 +239,17 @@ class Path(NamedTuple):
     steps: tuple[TrendStep, ...]
 
 
-def trend_model(life: float, table: WearTable | None = None, readers: tuple[By, ...] = ("estimate",)) -> TrendModel:
+def trend_model(
+    life: float,
+    table: WearTable | None = None,
+    readers: tuple[By, ...] = ("estimate",),
+    later: tuple[LaterCalibration, ...] = (),
+) -> TrendModel:
     """Shift and load as quantities of their own, or, with a table, both as functions of the wear of the facing."""
     if table is None:
-        return TrendModel(CHANNELS, ((0, _itself), (1, _itself)), life, readers)
+        return TrendModel(CHANNELS, ((0, _itself), (1, _itself)), life, readers, later)
     by_wear = [_interpolated(table.wear, values) for values in (table.shift, table.load)]
-    return TrendModel(("wear",), ((0, by_wear[0]), (0, by_wear[1])), life, readers)
+    return TrendModel(("wear",), ((0, by_wear[0]), (0, by_wear[1])), life, readers, later)
 
 
 def _itself(u: FloatArray) -> FloatArray:
@@ -440,7 +468,9 @@ def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tup
         for place, kind in zip(model.errors_by(reader), ("common", "by_temperature"), strict=True):
             errors = [getattr(shares[name], kind) * std for name, std in zip(CHANNELS, stds, strict=True)]
             variances[place] = np.square(errors)
-    variances[model.changes :] = (_NONE * _sizes()) ** 2
+    variances[model.offsets(0)] = (_NONE * _sizes()) ** 2
+    for number, calibration in enumerate(model.later, start=1):
+        variances[model.offsets(number)] = calibration.shift_std**2, calibration.load_std**2
     covariance = np.diag(variances)
     for pair in permutations(model.readers, 2):
         places = tuple(np.arange(model.size)[model.errors_by(by)[0]] for by in pair)
@@ -481,7 +511,7 @@ def _changed(
     """
     ds, since = way
     F, Q = _motion(model, ds)
-    changes = range(model.changes, model.size)
+    changes = range(model.changes, model.changes + len(model.channels))
     if outcome == "sudden":
         Q[changes, changes] = _sizes() ** 2
     if outcome == "replaced":
@@ -516,6 +546,8 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
         H, offset = _linearised(model, after, covariance)
         H[:, by_temperature] = warmer * np.eye(values.size)
         H[:, constant] = np.eye(values.size)
+        if now.calibration:
+            H[:, model.offsets(now.calibration)] = np.eye(values.size)
         if np.all(np.abs(H - before) <= _CONVERGED * np.abs(H)):
             break
         innovation = values - offset - H @ mean

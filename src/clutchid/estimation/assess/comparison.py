@@ -217,6 +217,8 @@ class Measurement(NamedTuple):
         Of the air; NaN where it was not recorded.
     by
         What read the recording: the errors that its readings share are its own.
+    calibration
+        Number of the calibration among those of the vehicle, of which each has an offset in the trend but the first.
     """
 
     shift: float
@@ -225,6 +227,7 @@ class Measurement(NamedTuple):
     load_std: float
     temperature: float
     by: By = "estimate"
+    calibration: int = 0
 
 
 def measured(change: Comparison | None, log: Log, by: By = "estimate") -> Measurement | None:
