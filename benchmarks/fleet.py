@@ -23,7 +23,7 @@ import psutil
 
 import clutchid
 from clutchid.fleets.cluster import Workers, results
-from clutchid.fleets.jobs import fleet_of, with_inputs
+from clutchid.fleets.jobs import fleet_of, with_dependencies
 from clutchid.fleets.plan import read_all
 from clutchid.fleets.store import run_store
 from clutchid.truck import drive, truck
@@ -82,7 +82,7 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
     for number in workers:
         out = folder / f"out{count}-{number}"
         with run_store(out, {}) as results:
-            todo = with_inputs(fleet, Reading(), "fit").jobs
+            todo = with_dependencies(fleet, Reading(), "fit").jobs
             wall, seen = timed(
                 count, partial(read_all, Workers(number), partial(read_recording, Reading(), "fit"), todo, {}, results)
             )

@@ -73,8 +73,8 @@ def run(folder: Path, *, pages: bool) -> None:
     if not pages:
         output.write_page = lambda _document, path: path.write_text("")
     begin = perf_counter()
-    done = clutchid.fleet(folder / "fleet", folder / "cal.toml", folder / "out", verb="track", limit=5e-4)
-    print(f"{done.read} {perf_counter() - begin:.2f}")
+    fleet = clutchid.fleet(folder / "fleet", folder / "cal.toml", folder / "out", verb="track", limit=5e-4)
+    print(f"{fleet.read} {perf_counter() - begin:.2f}")
 
 
 def measured(folder: Path, *, pages: bool) -> tuple[int, float]:

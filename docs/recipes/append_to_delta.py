@@ -20,13 +20,13 @@ def append(run: Path, table: str) -> int:
     for part in sorted(run.glob("recordings/date=*/part-*.parquet")):
         rows = pl.read_parquet(part, hive_partitioning=True).with_columns(pl.col("date").cast(pl.Date))
         try:
-            known = DeltaTable(table)
+            existing = DeltaTable(table)
         except TableNotFoundError:
-            known = None
-        if known is not None:
-            if known.transaction_version(part.stem) is not None:
+            existing = None
+        if existing is not None:
+            if existing.transaction_version(part.stem) is not None:
                 continue
-            rows = rows.join(pl.from_arrow(known.to_pyarrow_table(columns=KEY)), on=KEY, how="anti")
+            rows = rows.join(pl.from_arrow(existing.to_pyarrow_table(columns=KEY)), on=KEY, how="anti")
         once = CommitProperties(app_transactions=[Transaction(part.stem, 1)])
         write_deltalake(table, rows.to_arrow(), mode="append", schema_mode="merge", commit_properties=once)
         count += rows.height

@@ -123,8 +123,8 @@ def run(source, out, **options):
 
 def test_a_fleet_of_objects_has_the_tables_of_the_same_fleet_of_files(fleet, lake, tmp_path):
     out = Objects(f"{lake.address}/wear")
-    done = run(fleet.address, out.address)
-    assert (done.read, done.statuses, done.out) == (4, {"ok": 4}, out.address)
+    tracked = run(fleet.address, out.address)
+    assert (tracked.read, tracked.statuses, tracked.out) == (4, {"ok": 4}, out.address)
     for name in fleet.stamps():
         (tmp_path / "files" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "files" / name).write_bytes(fleet.read(name))
@@ -146,18 +146,18 @@ def test_nothing_is_read_again_also_under_another_name_or_where_the_index_was_lo
     assert run(fleet.address, out).read == 0
     fleet.write("V1/again.parquet", fleet.read("V1/r1.parquet"))
     fleet.delete(["V1/r1.parquet"])
-    done = run(fleet.address, out)
+    tracked = run(fleet.address, out)
     if fleet.address.startswith("az"):  # where an ETag is that of a write, not of its content
-        assert done.read == 1
-        done = run(fleet.address, out)
-    assert (done.read, done.warnings) == (0, ())
+        assert tracked.read == 1
+        tracked = run(fleet.address, out)
+    assert (tracked.read, tracked.warnings) == (0, ())
     for path in scratch_of(Objects(out)).iterdir():
         path.rename(tmp_path / path.name)
     assert run(fleet.address, out).read == 0
     fleet.delete(["V0/r2.parquet"])
-    done = run(fleet.address, out)
-    assert done.statuses == {"ok": 4}
-    assert "1 of 4 recordings: the file is gone, and the reading is kept" in done.warnings[0]
+    tracked = run(fleet.address, out)
+    assert tracked.statuses == {"ok": 4}
+    assert "1 of 4 recordings: the file is gone, and the reading is kept" in tracked.warnings[0]
 
 
 def test_a_table_beside_the_objects_says_what_they_are(fleet, lake):
@@ -165,8 +165,8 @@ def test_a_table_beside_the_objects_says_what_they_are(fleet, lake):
     fleet.write("recordings.csv", table.encode())
     for source in (fleet.address, f"{fleet.address}/recordings.csv"):
         out = Objects(f"{lake.address}/{source[-3:]}")
-        done = run(source, out.address)
-        assert done.statuses == {"ok": 2, "bad_input": 1}
+        tracked = run(source, out.address)
+        assert tracked.statuses == {"ok": 2, "bad_input": 1}
         results = pl.read_parquet(out.read("results.parquet"))
         assert results.select("vehicle", "recording", "strokes", "tag_depot").rows()[:2] == [
             ("V1", "r1", 1000.0, "Ulm"), ("V1", "r2", 2000.0, "Ulm"),
@@ -178,12 +178,12 @@ def test_an_object_that_goes_or_changes_is_a_row_and_the_rest_goes_on(fleet, lak
 
     def stale(objects, under=""):
         """What was listed before one object was deleted and another one changed."""
-        known = stamps(objects, under)
-        if under or "fleet" not in objects.address or "V1/r1.parquet" not in known:
-            return known
+        listed = stamps(objects, under)
+        if under or "fleet" not in objects.address or "V1/r1.parquet" not in listed:
+            return listed
         objects.delete(["V1/r1.parquet"])
         objects.write("V0/r2.parquet", b"changed")
-        return known
+        return listed
 
     monkeypatch.setattr(Objects, "stamps", stale)
     out = Objects(f"{lake.address}/wear")

@@ -9,7 +9,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.fleets import verbs
 from clutchid.fleets.cluster import Workers
 from clutchid.fleets.jobs import fleet_of
-from clutchid.fleets.plan import Plan
+from clutchid.fleets.plan import ReadingPlan
 from clutchid.verbs.tracking import recordings_of
 
 
@@ -158,7 +158,7 @@ def test_names_that_are_no_text_are_shown_by_their_bytes(depot):
 def test_compilation_does_not_count_in_a_short_time_limit(depot, monkeypatch, seconds, is_first):
     order = []
     monkeypatch.setattr(verbs, "content_of", lambda _: None)
-    plan = Plan([SimpleNamespace(start=depot / "cal.toml")], [], frozenset())
+    plan = ReadingPlan([SimpleNamespace(start=depot / "cal.toml")], [], frozenset())
     monkeypatch.setattr(verbs, "planned", lambda *_, **__: plan)
     monkeypatch.setattr(verbs, "compile_first", lambda _, starts: order.append(starts), raising=False)
     monkeypatch.setattr(verbs, "read_all", lambda *_: order.append("read"))

@@ -9,8 +9,8 @@ import pytest
 from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
-from clutchid.fleets.jobs import Fleet, with_inputs
-from clutchid.fleets.plan import planned, rows_of, states_of
+from clutchid.fleets.jobs import Fleet, with_dependencies
+from clutchid.fleets.plan import planned, recording_states, rows_of
 from clutchid.fleets.store import RecordingRow, run_store, stored_row
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track
@@ -25,13 +25,13 @@ def statuses(tmp_path, status):
     with run_store(tmp_path / status, {}) as stored:
         for job in jobs:
             stored.put([stored_row(RecordingRow(job, WearReading(status, "its sentence", sha256="same")))])
-        states = states_of(jobs, stored.keys())
+        states = recording_states(jobs, stored.keys())
         return [row.reading[:2] for state in states for row in rows_of([state], stored)]
 
 
 def tasks(fleet, reading, verb, stored, *, retry=False):
     """What a run over a fleet is to read."""
-    return planned(with_inputs(fleet, reading, verb).jobs, stored.keys(), retry=retry, forget=False).todo
+    return planned(with_dependencies(fleet, reading, verb).jobs, stored.keys(), retry=retry, forget=False).todo
 
 
 def test_the_same_recording_counts_once_but_the_same_broken_file_is_broken_twice(tmp_path):

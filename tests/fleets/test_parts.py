@@ -11,7 +11,7 @@ import pytest
 
 from clutchid.fleets.output import results_table
 from clutchid.fleets.parts import SCHEMA_VERSION, adopt, append
-from clutchid.fleets.plan import states_of
+from clutchid.fleets.plan import recording_states
 from clutchid.fleets.storage import Folder
 from clutchid.fleets.store import RecordingRow, run_store, stored_row
 from clutchid.processes import Timing
@@ -26,15 +26,15 @@ GOLDEN = Path(__file__).with_name("schema.txt")
 INPUTS = '["c0ffee", {"clutchid": "0.1.0", "source": "abc"}, "fit", "None", []]'
 
 
-def row(name="r1", vehicle="V1", day=1, shift=1e-4, **job):
+def row(name="r1", vehicle="V1", day=1, shift=1e-4, **place):
     """A row of the index of a recording that was read."""
-    known = RecordingJob(
+    job = RecordingJob(
         name, vehicle, "T1", datetime(2026, 1, day, 8, 30, tzinfo=UTC), 1.5, inputs=INPUTS, file="12 34",
-        start=Path("T1.toml"), **job,
+        start=Path("T1.toml"), **place,
     )  # fmt: skip
     read = reading(shift, 0.1 / 3, curve=load(shift), half_load=half_load(shift), leak=Leak(1e-11, 1e-12, 0.9))
     read = read._replace(sha256=f"{vehicle}{name}{shift}", message="“its” sentence")
-    return stored_row(RecordingRow(known, read, Timing(1.5, 1.25, "host", 7, 1), "2026-11-30T12:00:00.000001+00:00"))
+    return stored_row(RecordingRow(job, read, Timing(1.5, 1.25, "host", 7, 1), "2026-11-30T12:00:00.000001+00:00"))
 
 
 def parts_of(folder):
@@ -73,7 +73,7 @@ def filled(folder, *batches):
             store.put(batch)
             append(store, storage)
         keys = store.keys()
-        return results_table(states_of([entry.job for entry in keys.values()], keys), store, storage)
+        return results_table(recording_states([entry.job for entry in keys.values()], keys), store, storage)
 
 
 def test_a_lost_index_is_made_again_from_the_parts_to_the_last_bit(tmp_path):
@@ -82,8 +82,10 @@ def test_a_lost_index_is_made_again_from_the_parts_to_the_last_bit(tmp_path):
     (tmp_path / "run.sqlite").unlink()
     assert filled(tmp_path, []).equals(before)
     with run_store(tmp_path, {}) as store:
-        again = {one.recording: one for vehicle in ("V0", "V1") for one in store.of_vehicle(vehicle).values()}
-    assert {name: one._replace(part="") for name, one in again.items()} == {one.recording: one for one in rows}
+        again = {entry.recording: entry for vehicle in ("V0", "V1") for entry in store.of_vehicle(vehicle).values()}
+    assert {name: entry._replace(part="") for name, entry in again.items()} == {
+        entry.recording: entry for entry in rows
+    }
 
 
 def test_a_run_appends_a_part_a_date_and_nothing_where_nothing_is_new(tmp_path):
@@ -99,8 +101,8 @@ def test_a_run_appends_a_part_a_date_and_nothing_where_nothing_is_new(tmp_path):
     assert [str(date)[:10] for date in dates] == ["2026-01-01", "2026-01-01", "2026-01-02", "None"]
 
 
-def replaced(one, **values):
-    return one._replace(**values).with_checksum()
+def replaced(entry, **values):
+    return entry._replace(**values).with_checksum()
 
 
 def test_what_changes_is_another_row_and_the_newest_is_the_result(tmp_path):

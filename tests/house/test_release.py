@@ -63,7 +63,7 @@ def test_the_citation_is_that_of_the_print(shared):
 
 def test_every_extra_holds_something_and_all_holds_those_of_users():
     assert [name for name, lines in EXTRAS.items() if not lines] == []
-    developers = {"test", "lint", "docs", "export", "bench", "all"}
+    developers = {"test", "lint", "docs", "delta", "export", "bench", "all"}
     assert set(EXTRAS) - developers <= expanded("all")
     page = text("docs/install.md")
     assert [name for name in EXTRAS if name not in {"test", "lint"} and f"| `{name}` |" not in page] == []

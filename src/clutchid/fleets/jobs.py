@@ -21,13 +21,13 @@ from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.verbs.folders import (
     FolderContent,
-    content_of,
     files_by_name,
     folder_content,
     is_hidden,
     left_out,
     name_of,
     no_recordings,
+    recordings_and_others,
 )
 from clutchid.verbs.reading import Reading, by_suffix
 from clutchid.wear.history import RecordingJob, dated
@@ -131,7 +131,7 @@ def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Pa
         with objects.staged(name, stamps[name]) as table:
             rows = read_fleet_table(table).values()
     by_path = {root / other: stamp for other, stamp in stamps.items()}
-    return objects, rows, content_of(shown, len(stamps) - len(paths)), by_path
+    return objects, rows, recordings_and_others(shown, len(stamps) - len(paths)), by_path
 
 
 #: What is said of vehicles of one name.
@@ -194,7 +194,7 @@ class _Calibrations(NamedTuple):
         """Whether one holds from a date only."""
         return any(date for several in self.by_name.values() for date, _ in several)
 
-    def of(self, job: RecordingJob, known: str) -> tuple[Path | None, str]:
+    def of(self, job: RecordingJob, date_in_file: str) -> tuple[Path | None, str]:
         """The calibration that holds for a recording, whose date may be known from its file; or why none does.
 
         Where the date is not known, it is the first one.
@@ -205,17 +205,17 @@ class _Calibrations(NamedTuple):
         several = self.by_name.get(job.vehicle) or self.by_name.get(job.type) or ()
         if not several:
             return None, f"there is no calibration of {what}: {self.place / (job.type or job.vehicle)}.toml."
-        if len(several) == 1 and not several[0][0]:
+        begin = dated(job, "").begin if len(several) > 1 or several[0][0] else None
+        day = date_in_file or (f"{begin:%Y-%m-%d}" if begin else "")
+        if not day:
             return several[0][1], ""
-        begin = dated(job, "").begin
-        day = known or (f"{begin:%Y-%m-%d}" if begin else "9999")
         holding = [entry for entry in several if entry[0] <= day]
         if not holding:
             return None, f"no calibration of {what} holds on {day}: the first one is of {several[0][0]}."
         same = [path for first, path in holding if first == holding[-1][0]]
         if len(same) > 1:
             return None, f"{same[0].name} and {same[1].name} hold from the same date; keep one of them."
-        return (same[0] if day != "9999" else several[0][1]), ""
+        return same[0], ""
 
 
 def _calibrations(start: Path) -> _Calibrations:
@@ -251,9 +251,9 @@ def by_own_name(folder: Path, suffix: str) -> dict[str, Path]:
     return {as_text(path.relative_to(folder).as_posix()).removesuffix(suffix): path for path in paths}
 
 
-def _with_calibration(job: RecordingJob, calibrations: _Calibrations, known: str = "") -> RecordingJob:
+def _with_calibration(job: RecordingJob, calibrations: _Calibrations, date_in_file: str = "") -> RecordingJob:
     """A recording with its calibration, or with the problem that there is none; its date may be known from its file."""
-    start, problem = calibrations.of(job, known)
+    start, problem = calibrations.of(job, date_in_file)
     if start is not None or job.path is None:
         return replace(job, start=start)
     return replace(job, start=None, problem=as_text(problem))
@@ -286,7 +286,7 @@ def with_known(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredK
     return fleet._replace(jobs=tuple(sorted(jobs, key=key_of)))
 
 
-def with_inputs(fleet: Fleet, reading: Reading, verb: str) -> Fleet:
+def with_dependencies(fleet: Fleet, reading: Reading, verb: str) -> Fleet:
     """A fleet whose recordings have what their results depend on: their calibration and all else, and their file."""
     files = [Path(path) for path in (reading.channels, *reading.dbc) if isinstance(path, str | PathLike)]
     common = [version_and_source(), verb, repr(reading.ambient), [digest(path) for path in files]]

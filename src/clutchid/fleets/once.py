@@ -12,8 +12,8 @@ from typing import Literal
 
 from clutchid.arguments import checked
 from clutchid.errors import ParameterError
-from clutchid.fleets.jobs import Fleet, with_inputs, with_own_calibration
-from clutchid.fleets.parts import frame_of, write_once
+from clutchid.fleets.jobs import Fleet, with_dependencies, with_own_calibration
+from clutchid.fleets.parts import recordings_frame, write_once
 from clutchid.fleets.plan import now, read_object, reader_of
 from clutchid.fleets.storage import Folder, Objects, objects_at, path_of
 from clutchid.fleets.store import RecordingRow, StoredRow, stored_row
@@ -25,7 +25,7 @@ from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.history import RecordingJob
 
 #: What reads a recording.
-By = Literal["estimate", "observe", "auto"]
+ReadBy = Literal["estimate", "observe", "auto"]
 
 
 @checked
@@ -34,7 +34,7 @@ def recording_row(
     name: str,
     start: str | PathLike[str],
     *,
-    by: By = "estimate",
+    by: ReadBy = "estimate",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -88,7 +88,7 @@ def fleet_once(
     out: str | PathLike[str],
     *,
     verb: Literal["fit", "observe", "track"] = "fit",
-    by: By = "estimate",
+    by: ReadBy = "estimate",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -116,6 +116,19 @@ def fleet_once(
     ------
     DataError, ExportError, ParameterError
         If the storage cannot be reached, or there is no calibration; a recording that cannot be read is a row.
+
+    Examples
+    --------
+    The same event twice is one part with one row:
+
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "cal.toml").write_text("[parameters]")
+    ...     _ = Path(folder, "V1").mkdir(), Path(folder, "V1", "run.csv").write_text("no recording")
+    ...     event = f"{folder}/V1/run.csv", f"{folder}/cal.toml", f"{folder}/wear"
+    ...     rows = [fleet_once(*event, ambient=1e5) for _ in range(2)]
+    ...     parts = list(Path(folder, "wear").rglob("part-*.parquet"))
+    >>> rows[0]["vehicle"], rows[1]["status"], len(parts)
+    ('V1', 'bad_input', 1)
     """
     source = objects_at(recording)
     if source:
@@ -141,7 +154,7 @@ def _job(path: Path, vehicle: str, start: Path) -> RecordingJob:
 
 def _read(fleet: Fleet, reading: Reading, how: str) -> StoredRow:
     """The row of the one recording of a fleet."""
-    (job,) = with_inputs(fleet, reading, how).jobs
+    (job,) = with_dependencies(fleet, reading, how).jobs
     begin, read = perf_counter(), partial(read_recording, reading, how)
     result = read_object(fleet.objects, read, job) if fleet.objects else read(job)
     return stored_row(RecordingRow(job, result, Timing(perf_counter() - begin, attempt=1), now()))
@@ -149,4 +162,4 @@ def _read(fleet: Fleet, reading: Reading, how: str) -> StoredRow:
 
 def _shown(row: StoredRow) -> dict[str, object]:
     """The row of the table."""
-    return frame_of([row]).drop("record").row(0, named=True)
+    return recordings_frame([row]).drop("record").row(0, named=True)

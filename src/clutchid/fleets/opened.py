@@ -18,7 +18,7 @@ from clutchid.errors import DataError
 from clutchid.files import reason_of
 from clutchid.fleets.output import RESULTS, VEHICLES
 from clutchid.fleets.parts import PLACES
-from clutchid.fleets.storage import PARTS
+from clutchid.fleets.storage import PARTS_FOLDER
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.names import natural, printable
 from clutchid.verbs.saving import loads_path
@@ -79,7 +79,7 @@ def files_of(path: Path, below: Path) -> Files:
     names = {"vehicles": VEHICLES, "results": RESULTS}
     paths = {other: _inside(path.with_name(name), below) for other, name in names.items()} | {kind: path}
     # files that are sent to the page lie beside each other
-    parts = sorted((*(path.parent / PARTS).glob("date=*/part-*.parquet"), *path.parent.glob("part-*.parquet")))
+    parts = sorted((*(path.parent / PARTS_FOLDER).glob("date=*/part-*.parquet"), *path.parent.glob("part-*.parquet")))
     return Files(None, paths["vehicles"], paths["results"], tuple(part for part in parts if _inside(part, below)))
 
 
@@ -203,7 +203,7 @@ def _number(value: Any) -> float | str | None:
 
 
 def _newest(results: pl.DataFrame) -> dict[str, dict[str, Any]]:
-    """By vehicle: how many recordings, and the trust, peak and half-load position of the last one with a load."""
+    """ReadBy vehicle: how many recordings, and the trust, peak and half-load position of the last one with a load."""
     vehicles: dict[str, dict[str, Any]] = {}
     for row in results.iter_rows(named=True):
         vehicle = vehicles.setdefault(

@@ -20,8 +20,8 @@ from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.parts import frame_of, part_content, rows_in_parts, schema
-from clutchid.fleets.plan import Key, State, rows_of
+from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
+from clutchid.fleets.plan import RecordingKey, RecordingState, rows_of
 from clutchid.fleets.storage import Storage
 from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
 from clutchid.systems import is_device
@@ -42,7 +42,7 @@ RESULTS, VEHICLES, _INDEX, _FILES = "results.parquet", "vehicles.parquet", "inde
 MOST_ROWS = 100_000
 
 
-def write_results(states: Sequence[State], store: Store, storage: Storage, out: Path) -> None:
+def write_results(states: Sequence[RecordingState], store: Store, storage: Storage, out: Path) -> None:
     """Write the newest row of every recording: those of its parts, and of what was not read why.
 
     Raises
@@ -53,11 +53,11 @@ def write_results(states: Sequence[State], store: Store, storage: Storage, out: 
     write_bytes(part_content(results_table(states, store, storage)), out / RESULTS)
 
 
-def results_table(states: Sequence[State], store: Store, storage: Storage) -> pl.DataFrame:
+def results_table(states: Sequence[RecordingState], store: Store, storage: Storage) -> pl.DataFrame:
     """A row a recording in the order of vehicle and name; see `write_results`."""
     import polars as pl
 
-    parts: dict[str, list[Key]] = defaultdict(list)
+    parts: dict[str, list[RecordingKey]] = defaultdict(list)
     special = []
     for vehicle, own in _by_vehicle(states):
         for state in own:
@@ -66,7 +66,7 @@ def results_table(states: Sequence[State], store: Store, storage: Storage) -> pl
         if not all(state.is_plain for state in own):
             rows = zip(own, rows_of(own, store), strict=True)
             special += [stored_row(row) for state, row in rows if not state.is_plain]
-    tables = [frame_of(special, whole=False), *rows_in_parts(storage, parts)]
+    tables = [recordings_frame(special, whole=False), *rows_in_parts(storage, parts)]
     table = pl.concat(tables, how="diagonal_relaxed")
     keys = [(*_key(state), state.file_gone) for state in states]
     listed = pl.DataFrame(keys, {"vehicle": pl.String, "recording": pl.String, "file_gone": pl.Boolean}, orient="row")
@@ -75,11 +75,11 @@ def results_table(states: Sequence[State], store: Store, storage: Storage) -> pl
     return table.select(*schema(tags, whole=False), "file_gone")
 
 
-def _key(state: State) -> Key:
+def _key(state: RecordingState) -> RecordingKey:
     return state.job.vehicle, state.job.recording
 
 
-def _by_vehicle(states: Sequence[State]) -> Iterator[tuple[str, list[State]]]:
+def _by_vehicle(states: Sequence[RecordingState]) -> Iterator[tuple[str, list[RecordingState]]]:
     return ((vehicle, list(own)) for vehicle, own in groupby(states, key=lambda state: state.job.vehicle))
 
 
@@ -94,14 +94,14 @@ _LONGEST = 160
 
 
 class VehicleState(NamedTuple):
-    """What is known of a vehicle: its row, and the reasons why recordings do not count, each with its recordings."""
+    """State of a vehicle: its row, and the reasons why recordings do not count, each with its recordings."""
 
     row: VehicleRow
     reasons: tuple[ReasonCount, ...]
 
 
 def vehicles_of(
-    states: Sequence[State],
+    states: Sequence[RecordingState],
     store: Store,
     limits: Callable[[RecordingJob], LifeLimits],
     command: str,
@@ -129,10 +129,10 @@ def vehicles_of(
     for vehicle, own in _by_vehicle(states):
         limit, name = limits(own[0].job), _file_name(vehicle, names)
         file = f"{_FILES}/{name}" if trends else ""
-        made, known = _hash(own, limit, file), before.get(vehicle)
-        if known and known[0] == made and (not file or (out / f"{file}.html").exists()):
-            after[vehicle] = known
-            vehicles.append(_restored(known[1]))
+        made, earlier = _hash(own, limit, file), before.get(vehicle)
+        if earlier and earlier[0] == made and (not file or (out / f"{file}.html").exists()):
+            after[vehicle] = earlier
+            vehicles.append(_restored(earlier[1]))
             continue
         rows = rows_of(own, store)
         wear = _wear(vehicle, rows, limit)
@@ -146,7 +146,7 @@ def vehicles_of(
 
 
 def to_read_again(
-    states: Sequence[State], store: Store, limits: Callable[[RecordingJob], LifeLimits]
+    states: Sequence[RecordingState], store: Store, limits: Callable[[RecordingJob], LifeLimits]
 ) -> list[RecordingJob]:
     """The observed recordings that are to be estimated, of the vehicles of which something is new."""
     before, jobs = store.vehicles(), []
@@ -168,7 +168,7 @@ def _wear(vehicle: str, rows: Sequence[RecordingRow], limit: LifeLimits) -> Wear
     return wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit, later=later)
 
 
-def _hash(states: Sequence[State], limit: LifeLimits, file: str) -> str:
+def _hash(states: Sequence[RecordingState], limit: LifeLimits, file: str) -> str:
     """Hash of what the state of a vehicle is made from."""
     recordings = [
         (state.job.recording, state.job.problem, place_of(state.job), state.entry and _result(state.entry), *state[2:])
@@ -199,17 +199,17 @@ def _packed(value: object) -> object:
 
 def _restored(text: str) -> VehicleState:
     """The state of a vehicle from its text."""
-    row, reasons = json.loads(text)
-    known = VehicleRow(*row)
-    last = datetime.fromisoformat(known.last) if isinstance(known.last, str) else None
-    known = known._replace(
-        last=last, shift=Interval(*known.shift), load=Interval(*known.load), wear=Interval(*known.wear),
-        left=Interval(*known.left), alarms=tuple(known.alarms), warnings=tuple(known.warnings),
+    values, reasons = json.loads(text)
+    row = VehicleRow(*values)
+    last = datetime.fromisoformat(row.last) if isinstance(row.last, str) else None
+    row = row._replace(
+        last=last, shift=Interval(*row.shift), load=Interval(*row.load), wear=Interval(*row.wear),
+        left=Interval(*row.left), alarms=tuple(row.alarms), warnings=tuple(row.warnings),
     )  # fmt: skip
-    return VehicleState(known, tuple(ReasonCount(*reason) for reason in reasons))
+    return VehicleState(row, tuple(ReasonCount(*reason) for reason in reasons))
 
 
-def write_fleet(vehicles: Sequence[VehicleState], command: str, out: Path, *, trends: bool) -> None:
+def write_tables(vehicles: Sequence[VehicleState], command: str, out: Path, *, trends: bool) -> None:
     """Write the page of a fleet, and with `trends` the table of its vehicles.
 
     Raises
@@ -229,7 +229,7 @@ def write_fleet(vehicles: Sequence[VehicleState], command: str, out: Path, *, tr
 def _file_name(vehicle: str, taken: set[str]) -> str:
     """A name for the files of a vehicle, unique on any system; it is added to `taken`.
 
-    One that cannot be that of a file, or differs from another one by case only, is marked by its checksum.
+    A name that no file can have, or that differs from another by case only, is marked by its checksum.
     """
     name = re.sub(r"[^\w.-]", "_", vehicle).encode()[:_LONGEST_NAME].decode(errors="ignore")
     if name != vehicle or name.startswith(".") or is_device(name) or _same(name) in taken:

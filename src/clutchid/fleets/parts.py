@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clutchid.fleets.storage import PARTS, Storage
+from clutchid.fleets.storage import PARTS_FOLDER, Storage
 from clutchid.fleets.store import Store, StoredRow
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.wear.columns import LOAD_COLUMNS, NUMBERS, SIDES, TEXTS, banded, reading_columns
+from clutchid.wear.columns import LOAD_COLUMNS, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
 from clutchid.wear.history import dated
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ _FULL = 1000
 PLACES = (5, 6, 7, 8)
 
 #: The name of a part in its place.
-_PART = re.compile(rf"{PARTS}/date=([^/]+)/part-[0-9a-f]+\.parquet")
+_PART = re.compile(rf"{PARTS_FOLDER}/date=([^/]+)/part-[0-9a-f]+\.parquet")
 
 
 def _columns() -> dict[str, Any]:
@@ -47,7 +47,8 @@ def _columns() -> dict[str, Any]:
     loads = [f"{name}{side}_N" for name in (*(f"load_{place}mm" for place in PLACES), "peak") for side in SIDES]
     return {
         "vehicle": str, "type": str, "recording": str, "begin": datetime, "odometer_km": float, "strokes": float,
-        "is_recording": bool, **dict.fromkeys(TEXTS, str), "reason": str, **dict.fromkeys((*loads, *NUMBERS), float),
+        "is_recording": bool, **dict.fromkeys((*TEXT_COLUMNS, "reason"), str),
+        **dict.fromkeys((*loads, *NUMBER_COLUMNS), float),
         **dict.fromkeys(("calibration", "calibration_sha256", "version"), str), "read_at": datetime,
         "written_at": datetime, "wall_s": float, "processor_s": float, "host": str, "worker": int, "attempt": int,
     }  # fmt: skip
@@ -68,7 +69,7 @@ def schema(tags: Iterable[str] = (), *, whole: bool = True) -> dict[str, Any]:
     return {name: kinds[kind] for name, kind in _columns().items()} | dict.fromkeys(sorted(tags), pl.String) | rest
 
 
-def frame_of(rows: Sequence[StoredRow], *, whole: bool = True) -> pl.DataFrame:
+def recordings_frame(rows: Sequence[StoredRow], *, whole: bool = True) -> pl.DataFrame:
     """Rows of the table for rows of the index; without loads and records if it is not to be `whole`."""
     import polars as pl
 
@@ -139,7 +140,8 @@ def part_content(frame: pl.DataFrame) -> bytes:
 
 def _part_name(date: str, rows: Iterable[str]) -> str:
     """Name of a part of a date, by the checksums of its rows."""
-    return f"{PARTS}/date={date or _NO_DATE}/part-{hashlib.sha256(' '.join(rows).encode()).hexdigest()[:16]}.parquet"
+    key = hashlib.sha256(" ".join(rows).encode()).hexdigest()[:16]
+    return f"{PARTS_FOLDER}/date={date or _NO_DATE}/part-{key}.parquet"
 
 
 def adopt(store: Store, storage: Storage) -> None:
@@ -150,12 +152,12 @@ def adopt(store: Store, storage: Storage) -> None:
     """
     import polars as pl
 
-    names, known = {name for name in storage.names(f"{PARTS}/") if _PART.fullmatch(name)}, store.parts()
-    store.lose_parts(known.keys() - names)
-    if not names - known.keys():
+    names, indexed = {name for name in storage.names(f"{PARTS_FOLDER}/") if _PART.fullmatch(name)}, store.parts()
+    store.lose_parts(indexed.keys() - names)
+    if not names - indexed.keys():
         return
     newest = {key: (entry.read_at, "" if entry.part in names else _LOST) for key, entry in store.keys().items()}
-    for name in sorted(names - known.keys()):
+    for name in sorted(names - indexed.keys()):
         rows = []
         table = pl.read_parquet(io.BytesIO(storage.read(name)))
         for entry in table.iter_rows(named=True):
@@ -176,7 +178,7 @@ _LOST = "0"
 def write_once(row: StoredRow, storage: Storage) -> None:
     """Write a row as a part of its own, which is there already where the same file was read with the same inputs."""
     name = _part_name(row.date, [row.vehicle, row.recording, row.sha256 or row.file, row.inputs])
-    storage.write(name, part_content(frame_of([row])), once=True)
+    storage.write(name, part_content(recordings_frame([row])), once=True)
 
 
 def append(store: Store, storage: Storage, *, fold: bool = True) -> bool:
@@ -188,7 +190,7 @@ def append(store: Store, storage: Storage, *, fold: bool = True) -> bool:
     for date, rows in groupby(store.pending(), key=lambda row: row.date):
         some = list(rows)
         name = _part_name(date, [row.checksum for row in some])
-        storage.write(name, part_content(frame_of(some)))
+        storage.write(name, part_content(recordings_frame(some)))
         store.set_part(name, len(some), [row[:2] for row in some])
     if fold:
         _fold(store, storage)

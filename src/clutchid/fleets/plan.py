@@ -1,4 +1,4 @@
-"""What is to be read of a fleet, its reading by workers, and what is known of every recording after it."""
+"""Recordings of a fleet that are to be read, their reading by workers, and the state of every recording after it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from clutchid.verbs.wear_reading import as_copy, checksum_of, read_recording, un
 from clutchid.wear.history import RecordingJob, WearReading
 
 #: A recording by vehicle and name.
-Key = tuple[str, str]
+RecordingKey = tuple[str, str]
 
 #: Lost results, which are tried again where the user says so.
 _LOST = ("killed", "timed_out")
@@ -34,18 +34,23 @@ _LOST = ("killed", "timed_out")
 _NONE = StoredKey(RecordingJob(""), "", "", "", "", "", "", "")
 
 
-class Plan(NamedTuple):
+class ReadingPlan(NamedTuple):
     """Recordings to be read; readings that other names have too, each with its key; and keys that are forgotten."""
 
     todo: Sequence[RecordingJob]
-    same: Sequence[tuple[Key, RecordingJob]]
-    forgotten: frozenset[Key]
+    same: Sequence[tuple[RecordingKey, RecordingJob]]
+    forgotten: frozenset[RecordingKey]
 
 
 def planned(
-    jobs: Sequence[RecordingJob], keys: Mapping[Key, StoredKey], *, retry: bool, forget: bool, objects: bool = False
-) -> Plan:
-    """What is to be done: recordings without a result, or whose file, calibration or clutchid has changed since.
+    jobs: Sequence[RecordingJob],
+    keys: Mapping[RecordingKey, StoredKey],
+    *,
+    retry: bool,
+    forget: bool,
+    objects: bool = False,
+) -> ReadingPlan:
+    """Plan of a run: recordings without a result, or whose file, calibration or clutchid has changed since.
 
     With `retry` also those that ended their worker or took too long; with `forget` readings without a file are
     forgotten. What identifies a reading is the SHA-256 of the file with the inputs: the same file under another name
@@ -57,7 +62,7 @@ def planned(
     by_checksum = {entry.checksum: key for key, entry in keys.items() if entry.has_result}
     sizes = {entry.job.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
     todo: list[RecordingJob] = []
-    same: list[tuple[Key, RecordingJob]] = []
+    same: list[tuple[RecordingKey, RecordingJob]] = []
     present = {entry.checksum for key, entry in keys.items() if entry.has_result and key in there} - {""}
     moved = {key for key, entry in keys.items() if key not in there and entry.has_result and entry.checksum in present}
     for job in jobs:
@@ -82,14 +87,14 @@ def planned(
         else:
             todo.append(job)
     missing = {key for key, entry in keys.items() if entry.has_result and key not in there} if forget else set()
-    return Plan(todo, same, frozenset(missing | (moved - {key_of(job) for _, job in same})))
+    return ReadingPlan(todo, same, frozenset(missing | (moved - {key_of(job) for _, job in same})))
 
 
 def read_all(
     workers: Workers,
     read: Callable[[RecordingJob], WearReading],
     todo: Sequence[RecordingJob],
-    keys: Mapping[Key, StoredKey],
+    keys: Mapping[RecordingKey, StoredKey],
     store: Store,
     progress: Callable[[int, int], None],
 ) -> None:
@@ -126,7 +131,7 @@ def read_all(
 
 
 def reader_of(verb: str, by: str) -> str:
-    """What reads the recordings of a fleet by its verb: `by` says it for `track`.
+    """Reader of the recordings of a fleet by its verb: `by` names it for `track`.
 
     Raises
     ------
@@ -153,7 +158,7 @@ def read_object(objects: Objects, read: Callable[[RecordingJob], WearReading], j
         return WearReading("bad_input", as_text(str(error)), apart=True)
 
 
-class State(NamedTuple):
+class RecordingState(NamedTuple):
     """A recording of a fleet after a run, with its entry in the index.
 
     `copy_of` is the recording that has the same samples, empty if there is none; `is_comparable` whether its reading is
@@ -177,16 +182,16 @@ class State(NamedTuple):
         return self.entry.status if self.entry and self.is_plain else self.reading(None).status
 
     def reading(self, stored: WearReading | None) -> WearReading:
-        """What is known of it, where its entry has a reading."""
+        """The reading that counts, where the entry has the `stored` one."""
         if self.entry is None:
             problem = WearReading("bad_input", self.job.problem, apart=True)
             return problem if self.job.problem else _UNREAD
-        known = stored or WearReading("warning", "")
+        reading = stored or WearReading("warning", "")
         if not self.is_comparable:
-            known = WearReading(
-                "warning", _OTHER_CALIBRATION, clock=known.clock, sha256=known.sha256, curve=known.curve
+            reading = WearReading(
+                "warning", _OTHER_CALIBRATION, clock=reading.clock, sha256=reading.sha256, curve=reading.curve
             )
-        return as_copy(known, self.copy_of) if self.copy_of else known
+        return as_copy(reading, self.copy_of) if self.copy_of else reading
 
 
 #: A recording that was not read.
@@ -198,20 +203,20 @@ _OTHER_CALIBRATION = (
 )
 
 
-def states_of(jobs: Iterable[RecordingJob], keys: Mapping[Key, StoredKey]) -> list[State]:
+def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, StoredKey]) -> list[RecordingState]:
     """Every recording of a fleet in the order of vehicle and name; of copies the first counts."""
     first: dict[str, str] = {}
     states = []
     for job in jobs:
         entry = keys.get(key_of(job))
-        if entry is None or not (entry.has_result or not job.problem):
-            states.append(State(job))
+        if entry is None or (job.problem and (job.path or not entry.has_result)):
+            states.append(RecordingState(job))
             continue
         gone = entry.has_result and (not job.file or entry.job.file not in ("", job.file))
         is_comparable = not gone or not job.inputs or _start(entry.job.inputs) == _start(job.inputs)
         name = f"{job.recording} of {job.vehicle}"
         copied = first.setdefault(entry.checksum, name) if entry.has_result and entry.checksum else name
-        states.append(State(job, entry, gone, copied if copied != name else "", is_comparable))
+        states.append(RecordingState(job, entry, gone, copied if copied != name else "", is_comparable))
     return states
 
 
@@ -220,14 +225,14 @@ def _start(inputs: str) -> str:
     return str(json.loads(inputs)[0]) if inputs else ""
 
 
-def rows_of(states: Sequence[State], store: Store) -> list[RecordingRow]:
+def rows_of(states: Sequence[RecordingState], store: Store) -> list[RecordingRow]:
     """The recordings of a vehicle with their readings."""
     stored = store.of_vehicle(states[0].job.vehicle)
     rows = []
     for state in states:
         row = stored.get(state.job.recording) if state.entry else None
-        known = state if row else state._replace(entry=None)  # spoiled since
-        rows.append(RecordingRow(state.job, known.reading(row.result if row else None)))
+        intact = state if row else state._replace(entry=None)
+        rows.append(RecordingRow(state.job, intact.reading(row.result if row else None)))
     return rows
 
 

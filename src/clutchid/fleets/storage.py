@@ -38,12 +38,12 @@ _DELETED = 1000
 
 
 #: Folder of the parts of the table of recordings.
-PARTS = "recordings"
+PARTS_FOLDER = "recordings"
 
 
 def run_of(name: str) -> str:
     """Folder of the run to which an object of that name belongs, with a slash at its end; empty if to none."""
-    return name.partition(f"{PARTS}/date=")[0] if f"/{PARTS}/date=" in name else ""
+    return name.partition(f"{PARTS_FOLDER}/date=")[0] if f"/{PARTS_FOLDER}/date=" in name else ""
 
 
 class Storage(Protocol):
@@ -56,7 +56,7 @@ class Storage(Protocol):
         """Content of a file."""
 
     def write(self, name: str, content: bytes, *, once: bool = False) -> None:
-        """Write a file, which is whole or not there; `once` leaves one that is there."""
+        """Write a file, which is whole or not there; `once` keeps an existing file."""
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files, also some that are not there any more."""
@@ -132,7 +132,7 @@ class Objects(NamedTuple):
             return bytes(obstore.get(_store(self.address), name).bytes())
 
     def write(self, name: str, content: bytes, *, once: bool = False) -> None:
-        """Write an object; `once` leaves one that is there, also if another process writes it at the same time."""
+        """Write an object; `once` keeps an existing object, also of another process at the same time."""
         import obstore
         from obstore.exceptions import AlreadyExistsError
 
@@ -154,7 +154,7 @@ class Objects(NamedTuple):
 
     @contextmanager
     def staged(self, name: str, stamp: str) -> Iterator[Path]:
-        """An object as a file of its name, which is deleted after; one that ends in the middle is asked for the rest.
+        """An object as a file of its name, which is deleted after; where it ends in the middle, the rest is asked for.
 
         Raises
         ------
@@ -218,7 +218,7 @@ class _UnsteadyError(DataError):
 
 
 def _first(error: Exception) -> str:
-    """What a storage says, in a few words: its code where it has one, else the first line."""
+    """Words of a storage: its code where it has one, else the first line."""
     text = str(error)
     codes = re.findall(r"<Code>(\w+)</Code>", text)
     return codes[0] if codes else text.splitlines()[0][:160]

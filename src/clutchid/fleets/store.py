@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 from clutchid.errors import ExportError
 from clutchid.files import make_folder
-from clutchid.fleets.storage import PARTS
+from clutchid.fleets.storage import PARTS_FOLDER
 from clutchid.names import as_text
 from clutchid.processes import Timing
-from clutchid.verbs.folders import INDEX, STORE
+from clutchid.verbs.folders import INDEX_NAME, STORE
 from clutchid.wear.history import RecordingJob, WearReading, dated, packed_reading, restored
 
 #: Time in s after which results are on the disk at the latest.
@@ -92,7 +92,7 @@ CREATE TABLE IF NOT EXISTS parts (part TEXT PRIMARY KEY, count INTEGER NOT NULL)
 CREATE TABLE IF NOT EXISTS vehicles (vehicle TEXT PRIMARY KEY, made TEXT NOT NULL, state TEXT NOT NULL);
 """
 
-#: Key of the checksum of what the run is about.
+#: RecordingKey of the checksum of what the run is about.
 _CHECKSUM = "checksum"
 
 
@@ -246,7 +246,7 @@ def run_store(folder: Path, about: dict[str, str], name: str = STORE) -> Iterato
     make_folder(folder, "--out")
     try:
         files = [file.name for file in folder.iterdir()]
-        occupied = files and not (PARTS in files or any(map(INDEX.fullmatch, files)))
+        occupied = files and not (PARTS_FOLDER in files or any(map(INDEX_NAME.fullmatch, files)))
     except OSError as error:
         raise ExportError(f"--out {folder}: cannot be read ({error.strerror}); name another folder.") from error
     if occupied:
@@ -381,7 +381,7 @@ def stored_row(result: RecordingRow) -> StoredRow:
 
 
 def place_of(job: RecordingJob) -> str:
-    """What a table and the calibrations say of a recording: type, time, distance, strokes, calibration, and tags."""
+    """Place of a recording by its table and calibrations: type, time, distance, strokes, calibration, and tags."""
     begin, calibration = job.begin.isoformat() if job.begin else None, as_text(job.start.name) if job.start else ""
     return json.dumps([job.type, begin, job.odometer, job.strokes, calibration, job.tags])
 

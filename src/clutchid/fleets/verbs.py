@@ -23,21 +23,21 @@ from clutchid.fleets.jobs import (
     fleet_of,
     has_dates,
     key_of,
-    with_inputs,
+    with_dependencies,
     with_known,
 )
-from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, to_read_again, vehicles_of, write_fleet, write_results
+from clutchid.fleets.output import MOST_ROWS, RESULTS, VEHICLES, to_read_again, vehicles_of, write_results, write_tables
 from clutchid.fleets.parts import adopt, append
 from clutchid.fleets.plan import (
     COMPILATION,
-    Key,
-    State,
+    RecordingKey,
+    RecordingState,
     compile_first,
     planned,
     read_all,
     read_object,
     reader_of,
-    states_of,
+    recording_states,
 )
 from clutchid.fleets.storage import Folder, Objects, Storage, objects_at, path_of, scratch_of, times_of, upload
 from clutchid.fleets.store import Store, StoredKey, run_store
@@ -190,9 +190,11 @@ def fleet(
         before = times_of(folder) if places.target else {}
         adopt(base, storage)
         keys = base.keys()
-        read, states = 0, list[State]()
+        read, states = 0, list[RecordingState]()
         for _ in range(2 if has_dates(calibrations) else 1):  # the dates in files are known when they have been read
-            listed = with_inputs(with_known(listed, calibrations, keys, missing=not forget_missing), reading, work.how)
+            listed = with_dependencies(
+                with_known(listed, calibrations, keys, missing=not forget_missing), reading, work.how
+            )
             if share:
                 listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
             if not listed.jobs and not share:
@@ -207,7 +209,7 @@ def fleet(
         while by == "auto" and not share and (again := to_read_again(states, base, limits)):
             work.read(listed, again, {}, base, "estimate")
             append(base, storage)
-            states, read = states_of([state.job for state in states], base.keys()), read + len(again)
+            states, read = recording_states([state.job for state in states], base.keys()), read + len(again)
         statuses, gone = Counter(state.status for state in states), sum(state.file_gone for state in states)
         if share:
             return FleetRun(statuses, len({state.job.vehicle for state in states}), read, places.shown)
@@ -215,7 +217,7 @@ def fleet(
             write_results(states, base, storage, folder)
         trends = verb == "track"
         vehicles = vehicles_of(states, base, limits, command, folder, trends=trends)
-        write_fleet(vehicles, command, folder, trends=trends)
+        write_tables(vehicles, command, folder, trends=trends)
         if places.target:
             upload(folder, before, places.target)
     rows = [vehicle.row for vehicle in vehicles]
@@ -234,7 +236,12 @@ class _Work(NamedTuple):
     progress: Callable[[int, int], None]
 
     def read(
-        self, fleet: Fleet, jobs: Sequence[RecordingJob], keys: Mapping[Key, StoredKey], store: Store, how: str = ""
+        self,
+        fleet: Fleet,
+        jobs: Sequence[RecordingJob],
+        keys: Mapping[RecordingKey, StoredKey],
+        store: Store,
+        how: str = "",
     ) -> None:
         """Read recordings of a fleet, also in another way than the usual one."""
         read = partial(read_recording, self.reading, how or self.how)
@@ -245,14 +252,14 @@ class _Work(NamedTuple):
 def _read_new(
     listed: Fleet,
     work: _Work,
-    keys: Mapping[Key, StoredKey],
+    keys: Mapping[RecordingKey, StoredKey],
     base: Store,
     storage: Storage,
     *,
     retry: bool,
     forget: bool,
     fold: bool,
-) -> tuple[list[State], int]:
+) -> tuple[list[RecordingState], int]:
     """Read what is new or has changed, and append it; what is known of all recordings then, and how many were read."""
     plan = planned(listed.jobs, keys, retry=retry, forget=forget, objects=listed.objects is not None)
     base.rename(plan.same)
@@ -263,7 +270,7 @@ def _read_new(
         work.read(listed, plan.todo, keys, base)
     is_new = append(base, storage, fold=fold) or any(plan)
     jobs = [job for job in listed.jobs if job.path or job.problem or key_of(job) not in plan.forgotten]
-    return states_of(jobs, base.keys() if is_new else keys), len(plan.todo)
+    return recording_states(jobs, base.keys() if is_new else keys), len(plan.todo)
 
 
 class _Places(NamedTuple):

@@ -33,7 +33,7 @@ class Choice(NamedTuple):
 
 
 def meanings() -> dict[str, str]:
-    """What each parameter means, by its name."""
+    """Meanings of the parameters by their names."""
     return {name: row.meaning for name, row in Parameters.rows().items()}
 
 

@@ -16,7 +16,7 @@ from clutchid.wear.history import RecordingJob
 
 #: The file that says that a folder is that of a run of `fleet`, and names of those of parts of a fleet.
 STORE = "run.sqlite"
-INDEX = re.compile(r"run(-\d+-of-\d+)?\.sqlite")
+INDEX_NAME = re.compile(r"run(-\d+-of-\d+)?\.sqlite")
 
 #: Problem of a row of a table without a file.
 _ABSENT = "the table names it, but its file is not there."
@@ -44,10 +44,10 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
     names = {path.name for path in apart}
     files = [path for path in files if not ((path.name in names or path.is_symlink()) and path.resolve() in apart)]
     results = {*_results(files)}
-    return content_of((path for path in files if path not in results), len(results))
+    return recordings_and_others((path for path in files if path not in results), len(results))
 
 
-def content_of(files: Iterable[Path], results: int) -> FolderContent:
+def recordings_and_others(files: Iterable[Path], results: int) -> FolderContent:
     """Files of a folder without its results, of which there are so many."""
     recordings: list[Path] = []
     others: list[Path] = []
@@ -57,7 +57,7 @@ def content_of(files: Iterable[Path], results: int) -> FolderContent:
 
 
 def _results(files: Sequence[Path]) -> Iterator[Path]:
-    runs, names = {path.parent for path in files if INDEX.fullmatch(path.name)}, {*files}
+    runs, names = {path.parent for path in files if INDEX_NAME.fullmatch(path.name)}, {*files}
     for path in files:
         if not runs.isdisjoint(path.parents):
             yield path

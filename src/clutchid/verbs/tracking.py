@@ -36,7 +36,7 @@ from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import counted_once, read_recording, unless_lost
-from clutchid.wear.columns import LOAD_COLUMNS, NUMBERS, SIDES, TEXTS, banded, reading_columns
+from clutchid.wear.columns import LOAD_COLUMNS, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
 from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits, LifeRow, Wear, to_estimate, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
@@ -250,7 +250,8 @@ def table_of(wear: Wear) -> pl.DataFrame:
     number, text = pl.Float64, pl.String
     schema: dict[str, Any] = {
         "recording": text, "vehicle": text, "begin": pl.Datetime("us", "UTC"), "odometer_km": number, "strokes": number,
-        **dict.fromkeys((*TEXTS, "outcome", "reason", "warnings", "alarm"), text), **dict.fromkeys(NUMBERS, number),
+        **dict.fromkeys((*TEXT_COLUMNS, "outcome", "reason", "warnings", "alarm"), text),
+        **dict.fromkeys(NUMBER_COLUMNS, number),
         "rest_cause": text, "axis": text, "along": number, "limit_mm": number,
         **{f"left_{axis}{side}": number for axis in LIFE for side in SIDES},
     }  # fmt: skip

@@ -13,8 +13,8 @@ SIDES = ("", "_low", "_high")
 LOAD_COLUMNS = ("position_m", "force_N", "low_N", "high_N")
 
 #: Columns of text, and of numbers.
-TEXTS = ("status", "message", "trust", "by", "changes", "sha256")
-NUMBERS = (
+TEXT_COLUMNS = ("status", "message", "trust", "by", "changes", "sha256")
+NUMBER_COLUMNS = (
     *(f"half_load{side}_mm" for side in SIDES), "shift_mm", "shift_std_mm", "load_change_percent",
     "load_change_std_percent", "temperature_K", *(f"rest_shift{side}_mm" for side in SIDES), "leak_m3_per_Pa_s",
     "leak_std_m3_per_Pa_s", "leak_probability",
@@ -27,7 +27,7 @@ def banded(name: str, sides: Sequence[float], unit: str = "", factor: float = 1.
 
 
 def reading_columns(reading: WearReading) -> dict[str, str | float | None]:
-    """A reading by `TEXTS` and `NUMBERS`; what it does not have is left out."""
+    """A reading by `TEXT_COLUMNS` and `NUMBER_COLUMNS`; what it does not have is left out."""
     measured, leak, rest = reading.measurement, reading.leak, reading.rest
     columns: dict[str, str | float | None] = {
         "status": reading.status, "message": reading.message, "trust": reading.trust, "by": reading.by,
