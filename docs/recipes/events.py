@@ -7,12 +7,15 @@ import sys
 
 import clutchid
 
-CALIBRATIONS, WEAR = "calibrations", "wear"
+FLEET, CALIBRATIONS, WEAR = "fleet", "calibrations", "wear"
 
 
 def read_event(address: str) -> str:
     """Read one recording and append its row; with Airflow, `@task` above it, and `read_event.expand(address=[...])`."""
-    row = clutchid.fleet_once(address, CALIBRATIONS, WEAR, verb="track")
+    try:
+        row = clutchid.fleet_once(address, CALIBRATIONS, WEAR, source=FLEET, verb="track")
+    except clutchid.ClutchidError as error:  # such as no calibration: the next event goes on
+        return str(error)
     return f"{row['vehicle']}, {row['recording']}: {row['status']}"
 
 

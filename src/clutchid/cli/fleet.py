@@ -141,7 +141,9 @@ def fleet(
 
     ambient, dbc = pressure_option(files.ambient), files.dbc or ()
     if once:
-        row = one_recording.fleet_once(once, start, out, verb=verb, by=by, ambient=ambient, channels=files.map, dbc=dbc)
+        row = one_recording.fleet_once(
+            once, start, out, source=source, verb=verb, by=by, ambient=ambient, channels=files.map, dbc=dbc
+        )
         _say_row(row, as_json=json)
         return DONE
     shift, place = life_limit(limit), _place(pool)
@@ -177,7 +179,7 @@ def _say(run: FleetRun, part: str, *, as_json: bool) -> None:
     statuses, vehicles = run.statuses, run.vehicles
     count, where = sum(statuses.values()), run.out if isinstance(run.out, str) else run.out.resolve().as_posix()
     words = ", ".join(f"{statuses[name]:,} {name}" for name in _STATUSES if statuses.get(name))
-    message = f"{count:,} recordings, {run.read:,} read in this run: {words}"
+    message = f"{count:,} recording{'' if count == 1 else 's'}, {run.read:,} read in this run: {words or 'none'}"
     if as_json:
         ended = "failed" if run.failure else "ok" if statuses.get("ok") == count else "warning"
         print_json(

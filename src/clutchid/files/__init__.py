@@ -110,8 +110,8 @@ def write_bytes(content: bytes, path: str | PathLike[str]) -> None:
         temporary.write_bytes(content)
 
 
-def write_frame(frame: pl.DataFrame, path: str | PathLike[str]) -> None:
-    """Write a table as Parquet, atomically.
+def write_frame(frame: pl.DataFrame, path: str | PathLike[str], metadata: dict[str, str] | None = None) -> None:
+    """Write a table as Parquet, atomically, with `metadata` of the file.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def write_frame(frame: pl.DataFrame, path: str | PathLike[str]) -> None:
         If it cannot be written; an existing file stays unchanged.
     """
     with atomic_write(path) as temporary, temporary.open("wb") as file:  # polars takes no name that is no text
-        frame.write_parquet(file)
+        frame.write_parquet(file, metadata=metadata)
 
 
 def check_writable(path: str | PathLike[str]) -> None:

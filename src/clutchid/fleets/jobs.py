@@ -41,12 +41,14 @@ class Fleet(NamedTuple):
     """Recordings of a fleet in the order of vehicle and name.
 
     `left_out` says what its folder holds beside them, `renamed` which vehicles have a longer name here; empty if none.
-    Where recordings are `objects` in a storage, `stamps` are theirs by the paths that stand for them here.
+    `has_table` says whether a table names them. Where recordings are `objects` in a storage, `stamps` are theirs by
+    the paths that stand for them here.
     """
 
     jobs: tuple[RecordingJob, ...]
     left_out: str = ""
     renamed: str = ""
+    has_table: bool = False
     objects: Objects | None = None
     stamps: Mapping[Path, str] = MappingProxyType({})
 
@@ -98,7 +100,9 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
     jobs = tuple(_with_calibration(job, calibrations) for job in located)
     if all(job.start is None for job in jobs):
         raise ParameterError(f"--start {start}: {jobs[0].problem}")
-    return Fleet(jobs, beside, _RENAMED.format(listed(sorted(renamed), 3)) if renamed else "", objects, stamps)
+    return Fleet(
+        jobs, beside, _RENAMED.format(listed(sorted(renamed), 3)) if renamed else "", rows is not None, objects, stamps
+    )
 
 
 #: The rows of a table of recordings, None without one.
@@ -114,6 +118,19 @@ def _files(source: Path) -> tuple[Path, _Rows, FolderContent]:
     if not table.is_file():
         return source, None, folder_content(source)
     return table.parent, read_fleet_table(table).values(), folder_content(table.parent, {table.resolve()})
+
+
+def row_of(source: str | PathLike[str], job: RecordingJob) -> RecordingJob:
+    """A recording with what the table of its fleet says of it, if there is one and it names the recording."""
+    objects = objects_at(source)
+    if objects:
+        rows = _objects(objects)[1]
+    else:
+        path = path_of(source)
+        table = path if path.is_file() else path / _TABLE
+        rows = read_fleet_table(table).values() if table.is_file() else None
+    own = (row for row in rows or () if row.recording == job.recording and row.vehicle == job.vehicle)
+    return replace(next(own, job), path=job.path)
 
 
 def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:

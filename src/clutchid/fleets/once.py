@@ -12,7 +12,7 @@ from typing import Literal
 
 from clutchid.arguments import checked
 from clutchid.errors import ParameterError
-from clutchid.fleets.jobs import Fleet, with_dependencies, with_own_calibration
+from clutchid.fleets.jobs import Fleet, row_of, with_dependencies, with_own_calibration
 from clutchid.fleets.parts import recordings_frame, write_once
 from clutchid.fleets.plan import now, read_object, reader_of
 from clutchid.fleets.storage import Folder, Objects, objects_at, path_of
@@ -87,6 +87,7 @@ def fleet_once(
     start: str | PathLike[str],
     out: str | PathLike[str],
     *,
+    source: str | PathLike[str] | None = None,
     verb: Literal["fit", "observe", "track"] = "fit",
     by: ReadBy = "estimate",
     ambient: float | None = None,
@@ -104,6 +105,8 @@ def fleet_once(
         A file, or the address of an object; the folder it lies in is its vehicle.
     start, out : paths
         As in `clutchid.fleet`.
+    source : path, optional
+        The fleet, whose table says type, date, distance and strokes of the recording.
     verb, by, ambient, channels, dbc
         As in `clutchid.fleet`.
 
@@ -130,23 +133,24 @@ def fleet_once(
     >>> rows[0]["vehicle"], rows[1]["status"], len(parts)
     ('V1', 'bad_input', 1)
     """
-    source = objects_at(recording)
-    if source:
-        folder = Objects(source.address.rpartition("/")[0])
-        job = _job(folder.root / source.name, as_text(folder.name), Path(start))
-        stamps = {folder.root / source.name: folder.stamp(source.name)}
+    address = objects_at(recording)
+    if address:
+        folder = Objects(address.address.rpartition("/")[0])
+        job = _job(folder.root / address.name, as_text(folder.name), Path(start), source)
+        stamps = {folder.root / address.name: folder.stamp(address.name)}
         fleet = Fleet((job,), objects=folder, stamps=stamps)
     else:
         path = path_of(recording)
-        fleet = Fleet((_job(path, as_text(path.resolve().parent.name), Path(start)),))
+        fleet = Fleet((_job(path, as_text(path.resolve().parent.name), Path(start), source),))
     row = _read(fleet, Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), reader_of(verb, by))
     write_once(row, objects_at(out) or Folder(path_of(out)))
     return _shown(row)
 
 
-def _job(path: Path, vehicle: str, start: Path) -> RecordingJob:
-    """The recording in a file, with its calibration."""
-    job = with_own_calibration(RecordingJob(name_of(path), vehicle, path=path), start)
+def _job(path: Path, vehicle: str, start: Path, source: str | PathLike[str] | None = None) -> RecordingJob:
+    """The recording in a file, with its calibration, and what the table of its fleet says of it."""
+    job = RecordingJob(name_of(path), vehicle, path=path)
+    job = with_own_calibration(job if source is None else row_of(source, job), start)
     if job.start is None:
         raise ParameterError(f"--start {start}: {job.problem}")
     return job

@@ -20,14 +20,11 @@ import numpy as np
 from clutchid.fleets.storage import PARTS_FOLDER, Storage
 from clutchid.fleets.store import Store, StoredRow
 from clutchid.inference.uncertainty.estimates import LoadCurve
-from clutchid.wear.columns import LOAD_COLUMNS, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
+from clutchid.wear.columns import LOAD_COLUMNS, METADATA, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
 from clutchid.wear.history import dated
 
 if TYPE_CHECKING:
     import polars as pl
-
-#: Version of the columns of all tables of a fleet; columns may be added under the same number.
-SCHEMA_VERSION = "1"
 
 #: Value of an unknown date in the name of a folder, as Hive, Spark, DuckDB and Polars have it.
 _NO_DATE = "__HIVE_DEFAULT_PARTITION__"
@@ -134,7 +131,7 @@ def _restored(row: Mapping[str, Any]) -> StoredRow:
 def part_content(frame: pl.DataFrame) -> bytes:
     """A table as Parquet, with the version of its columns in the metadata."""
     content = io.BytesIO()
-    frame.write_parquet(content, metadata={"schema_version": SCHEMA_VERSION})
+    frame.write_parquet(content, metadata=METADATA)
     return content.getvalue()
 
 

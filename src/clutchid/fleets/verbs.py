@@ -223,7 +223,8 @@ def fleet(
     rows = [vehicle.row for vehicle in vehicles]
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
-    failure = _failure(rows, fail_share, trends=trends)
+    named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
+    failure = _failure(rows, fail_share, named, trends=trends)
     return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure)
 
 
@@ -351,9 +352,12 @@ def _missing_files(gone: int, recordings: int, absent: str) -> str:
     return f"{f'{absent} ' if absent else ''}{words}; --forget-missing leaves them out." if gone else ""
 
 
-def _failure(rows: Sequence[VehicleRow], share: float, *, trends: bool) -> str:
-    """Why a run has failed, in sentences: too many recordings without a result, or vehicles without a reading."""
-    recordings = sum(row.recordings for row in rows)
+def _failure(rows: Sequence[VehicleRow], share: float, named: int, *, trends: bool) -> str:
+    """Why a run has failed, in sentences: too many recordings without a result, or vehicles without a reading.
+
+    The recordings are those that a table has `named`, whatever their files are, or else the files that are recordings.
+    """
+    recordings = max(sum(row.recordings for row in rows), named)
     failed = recordings - sum(row.has_result for row in rows)
     without = [row.name for row in rows if not (row.counted if trends else row.has_result)]
     sentences = []

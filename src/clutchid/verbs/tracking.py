@@ -36,7 +36,7 @@ from clutchid.verbs.reading import Reading
 from clutchid.verbs.saving import loads_path
 from clutchid.verbs.start import content_of
 from clutchid.verbs.wear_reading import counted_once, read_recording, unless_lost
-from clutchid.wear.columns import LOAD_COLUMNS, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
+from clutchid.wear.columns import LOAD_COLUMNS, METADATA, NUMBER_COLUMNS, SIDES, TEXT_COLUMNS, banded, reading_columns
 from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits, LifeRow, Wear, to_estimate, wear_of
 from clutchid.wear.tables import read_table, read_wear_table
@@ -302,7 +302,7 @@ def write_tracked(tracked: WornClutch, out: Path) -> None:
         If a file cannot be written; an existing one is then unchanged.
     """
     wear = tracked.wear
-    write_frame(table_of(wear), out)
+    write_frame(table_of(wear), out, METADATA)
     rows = wear.rows
     curves = [row.reading.curve for row in rows]
-    write_frame(load_frame({"recording": [row.job.recording for row in rows]}, curves), loads_path(out))
+    write_frame(load_frame({"recording": [row.job.recording for row in rows]}, curves), loads_path(out), METADATA)

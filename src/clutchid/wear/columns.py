@@ -6,6 +6,9 @@ from collections.abc import Sequence
 
 from clutchid.wear.history import WearReading
 
+#: Version of the columns of all tables; columns may be added under the same number.
+METADATA = {"schema_version": "1"}
+
 #: A number with its interval, by the ends of their names.
 SIDES = ("", "_low", "_high")
 
