@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -39,10 +40,9 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
 
     Results of clutchid are the folder of a fleet, and the two files of `observe` and `track`, FILE.* and FILE.load.*.
     """
-    below = [path for path in sorted(folder.rglob("*")) if not is_hidden(path.relative_to(folder))]
-    files = [path for path in below if path.is_file() or _is_dangling(path)]
-    names = {path.name for path in apart}
-    files = [path for path in files if not ((path.name in names or path.is_symlink()) and path.resolve() in apart)]
+    names, files = {path.name for path in apart}, [*_files_below(folder)]
+    if apart:
+        files = [path for path in files if not ((path.name in names or path.is_symlink()) and path.resolve() in apart)]
     results = {*_results(files)}
     return recordings_and_others((path for path in files if path not in results), len(results))
 
@@ -56,10 +56,25 @@ def recordings_and_others(files: Iterable[Path], results: int) -> FolderContent:
     return FolderContent(tuple(recordings), tuple(others), results)
 
 
+def _files_below(folder: Path) -> Iterator[Path]:
+    """Files of a folder and below in order, without what is hidden; also links to files that are gone."""
+    try:
+        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    except OSError:  # a folder without permission
+        return
+    for entry in entries:
+        if entry.name.startswith("."):
+            continue
+        if entry.is_dir(follow_symlinks=False):
+            yield from _files_below(Path(entry.path))
+        elif entry.is_file() or (entry.is_symlink() and not Path(entry.path).exists()):
+            yield Path(entry.path)
+
+
 def _results(files: Sequence[Path]) -> Iterator[Path]:
     runs, names = {path.parent for path in files if INDEX_NAME.fullmatch(path.name)}, {*files}
     for path in files:
-        if not runs.isdisjoint(path.parents):
+        if runs and not runs.isdisjoint(path.parents):
             yield path
         elif Path(path.stem).suffix == ".load":
             whole = path.with_name(f"{Path(path.stem).stem}{path.suffix}")
@@ -69,10 +84,6 @@ def _results(files: Sequence[Path]) -> Iterator[Path]:
 def is_hidden(path: Path) -> bool:
     """Whether a path has a part that begins with a dot."""
     return any(part.startswith(".") for part in path.parts)
-
-
-def _is_dangling(path: Path) -> bool:
-    return path.is_symlink() and not path.exists()
 
 
 def name_of(recording: Path) -> str:
