@@ -1,9 +1,11 @@
 """Cost of a run of `clutchid fleet --verb track` beside the reading itself, by what is stored and what is new.
 
 Usage: python benchmarks/fleet_costs.py [--recordings 100,10000,100000] [--new 0,10]
+       python benchmarks/fleet_costs.py --events 1000 [--at s3://bucket/fleet]
 
 Vehicles have 50 recordings, whose readings are drawn; files are empty. Each run is a process of its own. The first one
-of each table writes empty pages.
+of each table writes empty pages. With --events, parts of one row are written and taken into a new index, then folded:
+in a folder, or at an address, such as that of `moto_server` (AWS_ENDPOINT_URL and so on in the environment).
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ import numpy as np
 import clutchid
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets import output, verbs
-from clutchid.fleets.store import RecordingRow, StoredRow, stored_row
+from clutchid.fleets.parts import adopt, append, write_once
+from clutchid.fleets.storage import Folder, objects_at
+from clutchid.fleets.store import RecordingRow, StoredRow, run_store, stored_row
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.processes import Timing
 from clutchid.wear.history import RecordingJob, WearReading
@@ -84,16 +88,43 @@ def measured(folder: Path, *, pages: bool) -> tuple[int, float]:
     return int(count), float(seconds)
 
 
+def events(count: int, at: str) -> None:
+    """Times to write parts of one row, to take them in, and to fold them."""
+    with tempfile.TemporaryDirectory() as folder:
+        storage = objects_at(at) or Folder(Path(folder) / "parts")
+        jobs = [RecordingJob(f"r{n % EACH:02d}", f"V{n // EACH:05d}", "T1", FIRST + timedelta(days=14 * (n % EACH)))
+                for n in range(count)]  # fmt: skip
+        rows = [row_of(job) for job in jobs]
+        times = [perf_counter()]
+        for row in rows:
+            write_once(row, storage)
+        times.append(perf_counter())
+        with run_store(Path(folder) / "run", {}) as store:
+            adopt(store, storage)
+            times.append(perf_counter())
+            append(store, storage)
+            times.append(perf_counter())
+            assert len(store.keys()) == count
+        written, taken, folded = np.diff(times)
+        print(
+            f"{count:,} parts of one row: written: {written:.1f} s, taken in {taken:.1f} s, folded: {folded:.1f} s s"
+        )
+
+
 def main() -> None:
     """Print a table of costs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", default="100,10000,100000")
     parser.add_argument("--new", default="0,10")
+    parser.add_argument("--events", type=int, default=0)
+    parser.add_argument("--at", default="")
     parser.add_argument("--run", type=Path)
     parser.add_argument("--pages", action="store_true")
     options = parser.parse_args()
     if options.run:
         return run(options.run, pages=options.pages)
+    if options.events:
+        return events(options.events, options.at)
     print("| stored | new | time [s] | index [MB] | parts |\n|---|---|---|---|---|")
     for count in map(int, options.recordings.split(",")):
         folder, stored = Path(tempfile.mkdtemp(prefix="clutchid-fleet-")), 0
