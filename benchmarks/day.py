@@ -80,11 +80,11 @@ def main() -> None:
 
     made: list[float] = []
     begin = time.process_time()
-    strokes = Counter(section.label for section in sections_of(pieces(seconds, chosen.piece, made)))
+    strokes = Counter(section.kind for section in sections_of(pieces(seconds, chosen.piece, made)))
     alone = time.process_time() - begin - sum(made)
     speed = seconds * RATE / alone / 1e6
     print(f"cut:            {alone:6.1f} s of one core, {speed:.2f} million samples/s, peak {peak():.0f} MB")
-    print("                " + ", ".join(f"{count} {label}" for label, count in strokes.most_common()))
+    print("                " + ", ".join(f"{count} {kind}" for kind, count in strokes.most_common()))
     if chosen.choose > 0:
         made.clear()
         begin = time.process_time()

@@ -11,8 +11,8 @@ from typing import Any
 from unittest.mock import patch
 
 import sympy as sp
+from latex import expression_latex, latex_source, letters, right_hand_lines
 
-from clutchid.codegen.latex import expression_latex, latex_source, letters, right_hand_lines
 from clutchid.model import opening
 from clutchid.model.compiled import system
 from clutchid.model.opening import port_opening, spool_rate
@@ -22,8 +22,7 @@ PAGE = Path(__file__).parent / "equations.md"
 HEAD = """# The model
 
 Printed from the code by `python docs/make_equations.py`; do not edit. Deviations from the print are listed in
-[deviations.md](deviations.md), the variants in [models.md](models.md). `latex_source(system("isothermal"))`, from
-`clutchid.codegen.latex` and `clutchid.model.compiled`, prints a whole model as it is compiled.
+[deviations.md](deviations.md), the variants in [models.md](models.md).
 
 ## Equation by equation
 

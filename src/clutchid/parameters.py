@@ -108,9 +108,6 @@ class Row:
     part
         ``'chamber B'``, ``'supply valve'`` with the reservoir before it, or ``'exhaust valve'``; there are actuators
         without these.
-    needs
-        What a recording must contain to determine it, where its motion shows that: ``'full supply'`` or
-        ``'full exhaust'``, a valve that opens fully, or ``'far stop'``.
     drawing
         Whether a file of an actuator must have it, because it is known from the drawing.
     """
@@ -131,7 +128,6 @@ class Row:
     valves: str = ""
     off_at_0: bool = False
     part: str = ""
-    needs: str = ""
     drawing: bool = False
 
     def admits(self, value: float) -> bool:
@@ -245,7 +241,6 @@ class Parameters:
     )
     V_0B: float = _magnitude(
         1.2e-4, "m³", "dead volume of chamber B at y = y_max", 1e-9, 1, share=0.15, part="chamber B", drawing=True,
-        needs="far stop",
     )
     P_0: float = _magnitude(
         1.095e5, "Pa", "ambient pressure", 1e3, 1e6,
@@ -259,7 +254,7 @@ class Parameters:
     )
     R: float = _magnitude(288.0, "J/(kg·K)", "gas constant of air", 50, 5000, share=0.002)
     M: float = _magnitude(
-        10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, freed=Freed(12), drawing=True, needs="full supply",
+        10.0, "kg", "mass of the piston", 1e-5, 1e5, share=0.15, freed=Freed(12), drawing=True,
     )
     P_S: float = _magnitude(
         9e5, "Pa", "supply pressure, absolute", 1e3, 1e8,
@@ -281,34 +276,29 @@ class Parameters:
     R_0vs: float = _row(
         0.07, "1", "duty cycle where the supply valve starts to open", 0, 1,
         width=0.03, drift=Drift(6e-4, 4), freed=Freed(2), part="supply valve", changes=(GroupChange("valves", 0.015),),
-        needs="full supply",
     )
     R_0ve: float = _row(
         0.07, "1", "duty cycle where the exhaust valve starts to open", 0, 1,
-        width=0.03, drift=Drift(6e-4, 4), freed=Freed(2), part="exhaust valve", needs="full exhaust",
+        width=0.03, drift=Drift(6e-4, 4), freed=Freed(2), part="exhaust valve",
         changes=(GroupChange("valves", 0.015),),
     )
     R_1vs: float = _row(
         0.93, "1", "duty cycle where the supply valve is fully open", 0, 2, above=True,
         width=0.05, drift=Drift(6e-4, 4), freed=Freed(2), part="supply valve", changes=(GroupChange("valves", 0.02),),
-        needs="full supply",
     )
     R_1ve: float = _row(
         0.93, "1", "duty cycle where the exhaust valve is fully open", 0, 2, above=True,
         width=0.05, drift=Drift(6e-4, 4), freed=Freed(2), part="exhaust valve", changes=(GroupChange("valves", 0.02),),
-        needs="full exhaust",
     )
     B_vs: float = _row(
         0.1, "1", "flow shape of the supply valve", -1, 1, width=0.8, freed=Freed(6), part="supply valve",
-        needs="full supply",
     )
     B_ve: float = _row(
         -0.7, "1", "flow shape of the exhaust valve", -1, 1, width=0.8, freed=Freed(6), part="exhaust valve",
-        needs="full exhaust",
     )
     C_vs: float = _magnitude(
         19e-9, "m³/(Pa·s)", "conductance of the supply valve", 0, 1e-5,
-        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="supply valve", needs="full supply",
+        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="supply valve",
         changes=(
             GroupChange("temperature and grease", -0.0425, "warmer"),
             GroupChange("valves", 0.07, "flow"), GroupChange("valves", 0.02),
@@ -316,7 +306,7 @@ class Parameters:
     )
     C_ve: float = _magnitude(
         21.4e-9, "m³/(Pa·s)", "conductance of the exhaust valve", 0, 1e-5,
-        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="exhaust valve", needs="full exhaust",
+        share=0.15, drift=Drift(0.002, 3), freed=Freed(1), part="exhaust valve",
         changes=(
             GroupChange("temperature and grease", -0.0425, "warmer"),
             GroupChange("valves", 0.07, "flow"), GroupChange("valves", 0.02),
@@ -337,7 +327,7 @@ class Parameters:
     )
     y_max: float = _magnitude(
         0.025, "m", "stroke of the piston", 1e-4, 10, source="Section 3.1, operation range [0, 25] mm",
-        share=0.02, freed=Freed(5), adapts=Adapting(2), drawing=True, needs="far stop",
+        share=0.02, freed=Freed(5), adapts=Adapting(2), drawing=True,
     )
     r_lam: float = _row(
         0.999, "1", "pressure ratio above which the flow is laminar", 0.5, 0.99999, above=True, source=_ERRATA,
@@ -345,31 +335,28 @@ class Parameters:
     )
     K_stop: float = _magnitude(
         3e7, "N/m", "stiffness of the end stops", 1e2, 1e11, source=_ERRATA, share=0.5,
-        needs="far stop",
     )
     D_stop: float = _magnitude(
         1e4, "N·s/m", "damping of the end stops", 0, 1e8, source=_ERRATA, share=0.5,
-        needs="far stop",
     )
     d_stop: float = _magnitude(
         1e-4, "m", "penetration over which the end stop force builds up", 1e-8, 1e-2, source=_ERRATA, share=0.5,
-        needs="far stop",
     )
     b_vs: float = _row(
         0.3, "1", "critical pressure ratio of the supply valve", 0, 0.9, source=_BALANCE,
-        width=0.15, freed=Freed(7), part="supply valve", needs="full supply",
+        width=0.15, freed=Freed(7), part="supply valve",
     )
     m_vs: float = _row(
         0.5, "1", "subsonic index of the supply valve", 0, 3, above=True, source=_BALANCE,
-        share=0.25, freed=Freed(7), part="supply valve", needs="full supply",
+        share=0.25, freed=Freed(7), part="supply valve",
     )
     b_ve: float = _row(
         0.3, "1", "critical pressure ratio of the exhaust valve", 0, 0.9, source=_BALANCE,
-        width=0.15, freed=Freed(7), part="exhaust valve", needs="full exhaust",
+        width=0.15, freed=Freed(7), part="exhaust valve",
     )
     m_ve: float = _row(
         0.5, "1", "subsonic index of the exhaust valve", 0, 3, above=True, source=_BALANCE,
-        share=0.25, drift=Drift(0.006, 11, considered=True), freed=Freed(7), part="exhaust valve", needs="full exhaust",
+        share=0.25, drift=Drift(0.006, 11, considered=True), freed=Freed(7), part="exhaust valve",
     )
     gamma: float = _row(
         1.4, "1", "ratio of specific heats of air; in a calibration an apparent polytropic exponent", 1, 2,

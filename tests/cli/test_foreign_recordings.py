@@ -160,7 +160,7 @@ def test_a_long_recording_is_cut_and_what_was_chosen_is_fitted(tmp_path, capsys)
     best = tmp_path / "best.mf4"
     assert called("cut", tmp_path / "long.parquet", "--out", best, "--seconds", "6") == 0
     said = capsys.readouterr().out
-    assert re.search(r"\d+ full stroke, .*\nchosen: \d of them, [345]\.\d\d s, from \d", said)
+    assert re.search(r"\d+ strokes, \d+ rests\nchosen: \d of them, [345]\.\d\d s, from \d", said)
     chosen = read(best)
     assert 3000 < len(chosen) <= 6100
     assert np.isin(chosen.time, driven.log.time).all()

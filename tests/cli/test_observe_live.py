@@ -194,18 +194,17 @@ def test_a_run_that_is_killed_leaves_its_results_and_a_state_to_go_on_from(call,
     assert (tmp_path / "state.toml").read_text() == (folder / "file" / "state.toml").read_text()
 
 
-def test_what_a_killed_run_left_loses_what_comes_again_so_that_each_sample_is_there_once(
-    call, folder, lines, tmp_path, monkeypatch
-):
+def test_a_run_that_goes_on_says_which_rows_of_a_killed_run_come_again(call, folder, lines, tmp_path, monkeypatch):
     assert call(lines[: CUT + 1], "--save", "state.toml", out="one.parquet")[0] == 0
-    file = {name: pl.read_parquet(folder / "file" / name) for name in OUTPUTS[:2]}
-    for name, frame in file.items():  # samples after the state was saved, and before the run was killed
-        frame.filter(pl.col("time [s]") < 3.0).write_parquet(tmp_path / f"left.{name}")
+    file = pl.read_parquet(folder / "file" / "est.parquet")
+    left = file.filter(pl.col("time [s]") < 3.0)  # with samples after the state was saved
     monkeypatch.setattr("clutchid.measurements.spool.recovered", lambda path: [tmp_path / f"left.{path.name}"])
-    assert call([lines[0], *lines[CUT + 1 :]], "--save", "state.toml", "--resume", "state.toml")[0] == 0
-    for name, frame in file.items():
-        both = [pl.read_parquet(path) for path in (tmp_path / f"left.{name}", tmp_path / name) if path.exists()]
-        assert pl.concat(both).equals(frame, null_equal=True), name
+    code, _, said = call([lines[0], *lines[CUT + 1 :]], "--save", "state.toml", "--resume", "state.toml")
+    new = pl.read_parquet(tmp_path / "est.parquet")
+    begin = new["time [s]"][0]
+    assert (code, f"rows from {begin:g} s on come again in est.parquet and its load by stroke" in said) == (0, True)
+    earlier = left.filter(pl.col("time [s]") < begin)
+    assert pl.concat([earlier, new]).equals(file, null_equal=True)
 
 
 def with_cell(row, column, value):

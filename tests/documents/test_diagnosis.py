@@ -12,7 +12,6 @@ from clutchid.documents.diagnosis import (
     diagnosis_table,
     information_blocks,
     limit_blocks,
-    region_figure,
     residual_blocks,
     worst_first,
 )
@@ -60,14 +59,6 @@ def test_an_input_that_does_not_move_is_said_not_drawn(fitted):
     assert [text.get_text() for text in colour_figure(diagnosis).axes[2].texts] == ["constant"]
 
 
-def test_bars_have_the_height_of_the_errors_by_region(diagnosis):
-    position, pressure = region_figure(diagnosis).axes
-    for axis, name, unit in ((position, "position", 1e-3), (pressure, "pressure_a", 1e3)):
-        wanted = sorted(r.rms / unit for r in diagnosis.columns[name].regions if r.direction != "all")
-        assert sorted(bar.get_height() for bars in axis.containers for bar in bars) == pytest.approx(wanted)
-    assert (position.get_ylabel(), pressure.get_ylabel()) == ("rms [mm]", "rms [kPa]")
-
-
 def test_the_table_has_a_row_a_column_with_its_unit(fitted):
     table = diagnosis_table(evidence(fitted))
     assert table.column("column") == ("position", "pressure A")
@@ -78,7 +69,7 @@ def test_the_table_has_a_row_a_column_with_its_unit(fitted):
 @pytest.mark.slow
 def test_residuals_that_look_like_noise_need_no_words(diagnosis, fitted):
     calm = replace(diagnosis, columns={"position": diagnosis.columns["position"]})
-    assert len(residual_blocks(fitted, calm)) in (2, 3)
+    assert len(residual_blocks(fitted, calm)) in (1, 2)
     assert "of pressure" not in residual_blocks(fitted, calm)[0].caption
 
 
@@ -107,4 +98,4 @@ def test_a_recording_too_short_for_a_colour_is_drawn_all_the_same(fitted):
     recording = fitted.recordings["first"]
     short = replace(recording, measured=recording.measured.slice(0, 40), simulated=recording.simulated.slice(0, 40))
     diagnosis = diagnosed(replace(fitted, recordings={"first": short}), "first")
-    assert len(residual_blocks(fitted, diagnosis)) >= 2
+    assert len(residual_blocks(fitted, diagnosis)) >= 1

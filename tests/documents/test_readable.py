@@ -9,7 +9,7 @@ from matplotlib.text import Text
 
 from clutchid.documents import document_of, observation, wear
 from clutchid.documents.comparison import comparison_figure
-from clutchid.documents.diagnosis import colour_figure, region_figure
+from clutchid.documents.diagnosis import colour_figure
 from clutchid.documents.figures import legend, new_figure
 from clutchid.documents.fit_figures import load_figure, recording_figure
 from clutchid.documents.html import page_of
@@ -70,7 +70,6 @@ def others(compared, run, worn):
     return {
         "recording": recording_figure(compared.recordings["first"]),
         "colour": colour_figure(diagnosis),
-        "region": region_figure(diagnosis),
         "strokes": observation.strokes_figure(run),
         "samples": observation.samples_figure(run),
         "trend": wear.trend_figure(worn),

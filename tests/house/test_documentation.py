@@ -35,7 +35,9 @@ def printed(monkeypatch):
 @pytest.fixture(scope="module")
 def equations():
     """The page of equations as the code makes it."""
-    return script("make_equations").page()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "docs"))
+        return script("make_equations").page()
 
 
 def test_the_page_of_equations_is_the_one_that_the_code_makes(equations):

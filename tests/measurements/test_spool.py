@@ -14,7 +14,7 @@ from clutchid.errors import ExportError
 from clutchid.log import Log
 from clutchid.measurements import read, write
 from clutchid.measurements import spool as module
-from clutchid.measurements.spool import cut_behind, recovered, spooled
+from clutchid.measurements.spool import recovered, spooled
 
 
 @pytest.fixture
@@ -120,23 +120,6 @@ def filled(path, log):
                 except ExportError as error:
                     return str(error)
     return ""
-
-
-def test_what_comes_again_is_cut_from_a_file_and_the_rest_is_the_same(tmp_path, log, suffix):
-    path = tmp_path / f"live{suffix}"
-    write(log, path)
-    before, metadata = read_frame(path), path.read_bytes()
-    cut_behind(path, 1.0)
-    assert path.read_bytes() == metadata  # nothing comes again
-    cut_behind(path, 0.7)
-    assert read_frame(path).equals(before.head(700), null_equal=True)
-    if suffix == ".parquet":
-        assert pl.read_parquet_metadata(path)["clutchid"] == '{"source": "here"}'
-    else:
-        assert metadata.startswith(path.read_bytes())
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]
-    cut_behind(path, 0.0)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_costs_what_comes_later(tmp_path, log, suffix, monkeypatch):

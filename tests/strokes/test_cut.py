@@ -5,26 +5,26 @@ import pytest
 
 from clutchid.errors import DataError
 from clutchid.log import Log
-from clutchid.strokes import RESTS, STROKE_LABELS, sections_of
+from clutchid.strokes import sections_of
 from clutchid.strokes.borders import LEAD, LONGEST_SECTION
 from clutchid.strokes.stroke import BEGINS
 
 REACH = 0.022
 
 
-def cut_kinds(log):
-    return [section.kind for section in sections_of(log)]
+def kind_of(section):
+    """The kind of a section, and of a rest whether the chamber is vented in it."""
+    return "vented rest" if section.kind == "rest" and section.summary.vented_rest > 0 else section.kind
 
 
-def labels(log):
-    return [section.label for section in sections_of(log)]
+def kinds_of(log):
+    return [kind_of(section) for section in sections_of(log)]
 
 
 def test_strokes_and_rests_alternate_and_their_borders_are_found(made, full_strokes):
     log = made(full_strokes([2.0, 6.0], 10.0))
     sections = list(sections_of(log))
-    kinds = [("rest", "vented rest"), ("stroke", "full stroke")]
-    assert [(section.kind, section.label) for section in sections] == [*kinds, *kinds, kinds[0]]
+    assert [kind_of(section) for section in sections] == ["vented rest", "stroke"] * 2 + ["vented rest"]
     for section, leaves in zip(sections[1::2], (2.0, 6.0), strict=True):
         # a border is one of a bin of 10 ms; on the way back, at 73 mm/s, noise (0.1 mm) hides the last 1.4 ms
         assert section.departure == pytest.approx(leaves, abs=0.02)
@@ -57,12 +57,12 @@ def test_the_summary_of_a_stroke(made, full_strokes):
 )
 def test_size_noise_quantum_and_sample_rate_do_not_matter(made, full_strokes, scale, recorded):
     log = made(full_strokes([2.0, 5.0], 9.0, REACH * scale), **recorded)
-    assert labels(log) == ["vented rest", "full stroke", "vented rest", "full stroke", "vented rest"]
+    assert kinds_of(log) == ["vented rest", "stroke", "vented rest", "stroke", "vented rest"]
 
 
 def test_the_position_alone_is_enough(made, full_strokes):
     sections = list(sections_of(made(full_strokes([2.0], 6.0), inputs=False)))
-    assert [section.label for section in sections] == ["vented rest", "full stroke", "vented rest"]
+    assert [kind_of(section) for section in sections] == ["vented rest", "stroke", "vented rest"]
 
 
 def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
@@ -70,7 +70,6 @@ def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
     log = made(full_strokes(starts, 1200.0))
     drifting = log.with_columns(position=log["position"] + 3e-3 * log.time / 1200)
     strokes = [section for section in sections_of(drifting) if section.kind == "stroke"]
-    assert [section.label for section in strokes] == ["full stroke"] * len(starts)
     # a bin of 10 ms, and another where its median is off by the noise
     assert [section.departure for section in strokes] == pytest.approx(starts, abs=0.04)
     levels = np.array([section.summary.level for section in strokes])
@@ -79,20 +78,20 @@ def test_a_zero_that_drifts_by_millimetres_is_followed(made, full_strokes):
 
 
 def test_a_recording_that_never_moves_is_a_vented_rest(made):
-    for seconds in (0.002, 3.0, 200.0):
-        assert labels(made([(0.0, 0.0), (seconds, 0.0)], zero=2e-3)) == ["vented rest"]
+    for seconds, kind in ((0.002, "rest"), (3.0, "vented rest"), (200.0, "vented rest")):
+        assert kinds_of(made([(0.0, 0.0), (seconds, 0.0)], zero=2e-3)) == [kind]
 
 
 def test_a_rest_under_pressure_is_held(made):
     log = made([(0.0, 5e-3), (3.0, 5e-3)], pressure=True)
-    assert labels(log) == ["held"]
+    assert kinds_of(log) == ["rest"]
 
 
 def test_a_rest_under_pressure_is_no_vented_one_before_the_stroke_that_follows(made, full_strokes):
     log = made(full_strokes([2.0, 6.0], 10.0), pressure=True)
     pressed = log.with_columns(pressure_a=log["pressure_a"] + 3e5)
     sections = list(sections_of(pressed))
-    assert [section.label for section in sections] == ["held", "full stroke", "held", "full stroke", "held"]
+    assert [kind_of(section) for section in sections] == ["rest", "stroke", "rest", "stroke", "rest"]
     assert [section.summary.vented_rest for section in sections] == [0.0] * 5
     # without pressure nobody can tell
     bare = Log(log.time, {name: values for name, values in log.columns.items() if name != "pressure_a"})
@@ -102,7 +101,7 @@ def test_a_rest_under_pressure_is_no_vented_one_before_the_stroke_that_follows(m
 def test_a_recording_may_begin_and_end_in_the_middle_of_a_stroke(made):
     log = made([(0.0, REACH), (0.6, REACH), (0.9, 0.0), (4.0, 0.0), (4.15, REACH), (5.0, REACH)])
     first, rest, last = sections_of(log)
-    assert (first.kind, rest.label, last.kind) == ("stroke", "vented rest", "stroke")
+    assert (first.kind, kind_of(rest), last.kind) == ("stroke", "vented rest", "stroke")
     assert first.summary.vented_rest == 0.0
     assert first.departure == first.start == 0.0
     assert last.end == log.time[-1]
@@ -128,13 +127,13 @@ def test_missing_positions_are_no_border(made, full_strokes):
     position = log["position"].copy()
     position[2050:2110] = position[3000:3040] = np.nan
     _, stroke, _ = sections_of(log.with_columns(position=position))
-    assert stroke.label == "full stroke"
     assert stroke.summary.missing == pytest.approx(100 / len(stroke))
 
 
 def test_where_no_position_is_known_nothing_is_said_of_it(made):
     log = made([(0.0, 0.0), (20.0, 0.0)])
-    assert labels(log.with_columns(position=np.full(len(log), np.nan))) == ["no position"]
+    (section,) = sections_of(log.with_columns(position=np.full(len(log), np.nan)))
+    assert section.summary.missing == 1.0
 
 
 def test_a_supply_pulse_that_moves_nothing_belongs_to_the_rest_but_the_vented_rest_begins_after_it(made, full_strokes):
@@ -142,7 +141,7 @@ def test_a_supply_pulse_that_moves_nothing_belongs_to_the_rest_but_the_vented_re
     duty = log["duty_supply"].copy()
     duty[3000:3020] = 0.3
     rest, stroke, _ = sections_of(log.with_columns(duty_supply=duty))
-    assert rest.label == "vented rest"
+    assert kind_of(rest) == "vented rest"
     assert stroke.summary.vented_rest == pytest.approx(5.0 - 3.02, abs=0.03)
 
 
@@ -174,7 +173,7 @@ def test_a_recording_whose_samples_are_as_far_apart_as_the_rest_before_a_stroke(
 def test_a_long_hold_is_a_section_of_its_own(made):
     log = made([(0.0, 0.0), (1.0, 0.0), (1.15, REACH), (40.0, REACH), (40.3, 0.0), (45.0, 0.0)])
     sections = list(sections_of(log))
-    assert [section.label for section in sections][2] == "held"
+    assert [kind_of(section) for section in sections][2] == "rest"
     assert [section.kind for section in sections] == ["rest", "stroke", "rest", "stroke", "rest"]
     assert [section.divided for section in sections] == [False, False, True, False, False]
     # of the 38.85 s at the top half a second goes with either stroke, and what is still is so over 0.15 s and a bin
@@ -201,9 +200,9 @@ def test_slow_motion_is_a_stroke_and_only_the_hold_within_it_is_held(made):
     # the last of the way to a hold, up to where a stroke begins, belongs to it: some seconds at 0.9 mm/s
     slow = BEGINS / (REACH / 25.0)
     assert (sections[2].start, sections[2].end) == pytest.approx((27.0, 67.0), abs=slow)
-    assert cut_kinds(made([(0.0, 5e-3), (25.0, REACH)])) == ["stroke"]
+    assert kinds_of(made([(0.0, 5e-3), (25.0, REACH)])) == ["stroke"]
     leaking = made([(0.0, 0.0), (2.0, 0.0), (2.2, REACH), (42.0, REACH - 3e-3), (42.3, 0.0), (45.0, 0.0)])
-    assert cut_kinds(leaking) == ["rest", "stroke", "rest", "stroke", "rest"]
+    assert [section.kind for section in sections_of(leaking)] == ["rest", "stroke", "rest", "stroke", "rest"]
 
 
 def test_a_rest_of_hours_comes_in_parts_and_the_stroke_after_it_knows_how_long_it_was(made, full_strokes):
@@ -212,7 +211,6 @@ def test_a_rest_of_hours_comes_in_parts_and_the_stroke_after_it_knows_how_long_i
     assert max(map(len, sections)) <= LONGEST_SECTION + 2**16
     assert [section.kind for section in sections].count("stroke") == 1
     stroke = sections[-2]
-    assert stroke.label == "full stroke"
     assert stroke.summary.vented_rest == pytest.approx(1100.0, abs=0.05)
     assert stroke.start == pytest.approx(1100.0 - LEAD, abs=0.02)
 
@@ -249,38 +247,15 @@ def test_a_recording_that_begins_with_an_open_valve_begins_with_a_pulse(made):
     assert (log["duty_supply"][0] > 0, stroke.first) == (True, 0)
 
 
-@pytest.mark.parametrize(("gone", "label"), [(4, "vented rest"), (6, "no position")])
-def test_a_rest_that_misses_most_of_its_positions_is_none_that_is_known(made, gone, label):
-    log = made([(0.0, 0.0), (3.0, 0.0)])
-    missing = np.arange(len(log)) % 10 < gone
-    assert labels(log.with_columns(position=np.where(missing, np.nan, log["position"]))) == [label]
-
-
 def test_motion_without_an_end_is_divided_and_only_the_first_part_has_the_vented_rest_before_it():
     t = np.arange(700_000) / 1000
     log = Log(t, {"position": 0.01 * (1 - np.cos(2 * np.pi * (t - 5.0))) * (t > 5.0)})
     rest, first, *others = sections_of(log)
     assert max(map(len, others)) <= LONGEST_SECTION + 2**16
-    assert (rest.label, {section.label for section in (first, *others)}) == ("vented rest", {"bang-bang"})
+    assert (kind_of(rest), {kind_of(section) for section in (first, *others)}) == ("vented rest", {"stroke"})
     assert sum(map(len, (rest, first, *others))) == len(log)
     assert first.summary.vented_rest > 4.5
     assert {section.summary.vented_rest for section in others} == {0.0}
-
-
-@pytest.mark.parametrize(
-    ("label", "corners"),
-    [
-        ("partial stroke", [(4.0, 0.0), (4.1, 0.008), (4.6, 0.008), (4.7, 0.0)]),
-        ("bang-bang", [(4.0, 0.0), *((4.15 + 0.4 * k, REACH * (k % 2 == 0)) for k in range(9)), (8.0, 0.0)]),
-    ],
-)
-def test_a_stroke_that_no_drive_of_a_truck_makes_has_a_name_too(made, full_strokes, label, corners):
-    log = made([*full_strokes([1.0], 3.0), *corners, (14.0, 0.0)])
-    assert [section.label for section in sections_of(log) if section.kind == "stroke"] == ["full stroke", label]
-
-
-def test_labels_are_known_words(minutes):
-    assert set(labels(minutes)) <= {*STROKE_LABELS, *RESTS}
 
 
 def test_pieces_that_do_not_continue_each_other_are_refused(made):

@@ -17,8 +17,7 @@ from clutchid.strokes.stroke import count_strokes
 def same(first, second):
     """Whether two lists of sections are the same, bit for bit."""
     return len(first) == len(second) and all(
-        (a.kind, a.label, a.first, a.start, a.end, a.departure)
-        == (b.kind, b.label, b.first, b.start, b.end, b.departure)
+        (a.kind, a.first, a.start, a.end, a.departure) == (b.kind, b.first, b.start, b.end, b.departure)
         and repr(a.summary) == repr(b.summary)
         and np.array_equal(a.log.time, b.log.time)
         and all(np.array_equal(a.log[name], b.log[name], equal_nan=True) for name in a.log.columns)

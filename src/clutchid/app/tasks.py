@@ -71,7 +71,7 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
     except DataError as error:  # the map does not fit: the file is shown nevertheless
         return {**look_json(Looked(contents)), **about, "status": "bad_input", "message": str(error)}
     strokes = [
-        {"kind": section.kind, "label": section.label, "begin": section.start, "end": section.end}
+        {"kind": section.kind, "begin": section.start, "end": section.end}
         for section in sections(checks.log, _MOST_SECTIONS)
     ]
     return {**look_json(checks), **about, "strokes": strokes}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clutchid.documents.document import Block, Bullets, Details, Picture, Text
-from clutchid.documents.figures import label, new_figure, shared_legend
+from clutchid.documents.figures import label, new_figure
 from clutchid.documents.style import MM, STYLE
 from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.estimation import Fit
-from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, remarks
+from clutchid.estimation.assess.diagnostics import Diagnosis, remarks
 from clutchid.estimation.assess.evidence import HORIZON, Evidence
 from clutchid.estimation.assess.verdict import Verdict
 from clutchid.log import INPUTS, FloatArray
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 #: Name, display unit in SI, and its symbol, for the residual of a column.
 _SHOWN = {"position": ("position", MM, "mm"), "pressure_a": ("pressure A", 1e3, "kPa")}
-
-_WAYS = (("opening", STYLE.blue), ("closing", STYLE.orange), ("hold", STYLE.measured))
 
 
 def colour_figure(diagnosis: Diagnosis) -> Figure:
@@ -62,32 +60,6 @@ def _stems(axis: Axes, lag: FloatArray, values: FloatArray, bound: FloatArray) -
     axis.axhline(0.0, color=STYLE.ink, linewidth=0.7)
     largest = float(np.nanmax(np.abs(np.concatenate([values, bound])), initial=0.0))
     axis.set_ylim(-1.15 * max(largest, 0.1), 1.15 * max(largest, 0.1))
-
-
-def region_figure(diagnosis: Diagnosis) -> Figure:
-    """Rms error by stroke region and direction, one panel per measured column."""
-    columns = list(diagnosis.columns.items())
-    figure, axes = new_figure([2.4] * len(columns), share_x=False)
-    for axis, (name, column) in zip(axes, columns, strict=True):
-        _bars(axis, column, _SHOWN[name][1])
-        label(axis, "measured position [mm]", f"rms [{_SHOWN[name][2]}]", f"error of {_SHOWN[name][0]}")
-    shared_legend(axes[0])
-    return figure
-
-
-def _bars(axis: Axes, column: ColumnDiagnosis, unit: float) -> None:
-    lows = sorted({region.low for region in column.regions})
-    names = {region.low: _span(region.low, region.high) for region in column.regions}
-    for k, (way, colour) in enumerate(_WAYS):
-        rms = {region.low: region.rms / unit for region in column.regions if region.direction == way}
-        x = [lows.index(low) + 0.27 * (k - 1) for low in rms]
-        axis.bar(x, list(rms.values()), 0.25, color=colour, label="during holds" if way == "hold" else way)
-    axis.axhline(column.rms / unit, color=STYLE.ink, linewidth=0.9, linestyle=":", label="overall")
-    axis.set_xticks(range(len(lows)), [names[low] for low in lows])
-
-
-def _span(low: float, high: float) -> str:
-    return f"{low / MM:.0f}–{high / MM:.0f}" if np.isfinite(high) else f"{low / MM:.0f}+"
 
 
 def limit_blocks(judged: Verdict, names: Collection[str] = ()) -> tuple[Block, ...]:
@@ -148,15 +120,9 @@ def residual_blocks(fit: Fit, diagnosis: Diagnosis) -> tuple[Block, ...]:
         "Autocorrelation of the residuals and correlation with both valves, with 99 % bounds",
         dense=True,
     )
-    regions = Picture(
-        region_figure(diagnosis),
-        f"{who}: rms error by position and direction of motion; the dotted line is that of the whole recording.",
-        "Rms error by stroke region while opening, closing and holding",
-        dense=True,
-    )
     sentences = [sentence.removeprefix(f"{diagnosis.name}: ") for sentence in remarks(diagnosis)]
     bullets: tuple[Block, ...] = (Bullets(tuple(map(capital_unless_named, sentences))),) if sentences else ()
-    return (colour, regions, *bullets)
+    return (colour, *bullets)
 
 
 def capital_unless_named(sentence: str, names: Collection[str] = ()) -> str:

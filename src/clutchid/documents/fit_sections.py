@@ -11,12 +11,10 @@ from clutchid.documents.comparison import comparison_sections
 from clutchid.documents.diagnosis import diagnosis_table, information_blocks, limit_blocks, residual_blocks, worst_first
 from clutchid.documents.document import Block, Chapter, Details, Picture, Text
 from clutchid.documents.fit_figures import recording_figure, reliable
-from clutchid.documents.innovations import innovation_blocks
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable, load_table, scientific
 from clutchid.estimation import Errors, Fit, Recording
 from clutchid.estimation.assess.evidence import Evidence, as_recorded, evidence, reach
-from clutchid.estimation.assess.innovations import calibration_innovations
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.log import BoolArray
 from clutchid.numerics.interval import QUANTILE
@@ -100,10 +98,6 @@ def fit_sections(fit: Fit) -> list[Chapter]:
         sections.append(Chapter("Errors", _errors(fit, basis)))
         sections += _drawn(fit, basis, fit.recordings, "fitted")
     sections += _drawn(fit, basis, fit.verification, "verified, not fitted")
-    sections += [
-        Chapter(f"Innovations of {name}", innovation_blocks(name, of_one))
-        for name, of_one in list(calibration_innovations(fit).items())[:MAX_DRAWN]
-    ]
     limits = limit_blocks(verdict(fit), fit.recordings)
     return [*sections, Chapter("Limits of the result", limits)] if limits else sections
 

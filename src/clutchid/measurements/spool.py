@@ -263,36 +263,6 @@ def recovered(path: str | PathLike[str]) -> list[Path]:
     return files
 
 
-def cut_behind(path: Path, time: float) -> None:
-    """Cut a file of a recording before its first sample at or after `time` in s; without any other it is removed.
-
-    Raises
-    ------
-    ExportError
-        If it cannot be written; it is unchanged then.
-    """
-    import polars as pl
-
-    text = path.suffix.lower() == ".csv"
-    try:
-        table = pl.scan_csv(path, infer_schema=False) if text else pl.scan_parquet(path)
-        earlier = pl.col("time [s]").cast(pl.Float64) < time
-        earlier_rows, count = table.select(earlier.sum().alias("kept"), pl.len().alias("count")).collect().row(0)
-        if earlier_rows == count:
-            return
-        if not earlier_rows:
-            path.unlink()
-            return
-        with atomic_write(path) as temporary:
-            if text:
-                table.filter(earlier).sink_csv(temporary)
-            else:
-                metadata = {name: value for name, value in pl.read_parquet_metadata(path).items() if name == KEY}
-                table.filter(earlier).sink_parquet(temporary, metadata=metadata)
-    except (OSError, pl.exceptions.PolarsError) as error:
-        raise ExportError(f"{path}: cannot be cut ({error}); it is unchanged.") from error
-
-
 def _free_name(target: Path) -> Path:
     names = (f".{number}" if number else "" for number in range(1000))
     paths = (target.with_name(f"{target.stem}.recovered{number}{target.suffix}") for number in names)

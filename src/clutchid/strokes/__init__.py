@@ -1,4 +1,4 @@
-"""Strokes and rests: cut a long recording, label its sections, and choose the most informative strokes.
+"""Strokes and rests: cut a long recording, and choose the most informative strokes.
 
 >>> import numpy as np
 >>> from clutchid.log import Log
@@ -6,13 +6,12 @@
 >>> t = np.arange(0.0, 9.0, 1e-3)
 >>> y = np.interp(t, [2.0, 2.1, 3.0, 3.3, 6.0, 6.1, 7.0, 7.3], [0.0, 0.02, 0.02, 0.0] * 2)
 >>> chosen = choose(sections_of(Log(t, {"position": y})), seconds=2.0)
->>> [section.label for section in chosen], len(joined(chosen))
-(['full stroke'], 1800)
+>>> [section.kind for section in chosen], len(joined(chosen))
+(['stroke'], 1800)
 """
 
-from clutchid.strokes.borders import STROKE_LABELS
 from clutchid.strokes.choice import choose
 from clutchid.strokes.cutting import sections_of
-from clutchid.strokes.section import RESTS, Section, SectionSummary, joined
+from clutchid.strokes.section import Section, SectionSummary, joined
 
-__all__ = ["RESTS", "STROKE_LABELS", "Section", "SectionSummary", "choose", "joined", "sections_of"]
+__all__ = ["Section", "SectionSummary", "choose", "joined", "sections_of"]

@@ -1,19 +1,18 @@
-"""Borders between strokes and rests, the samples of completed ones, and the label of each."""
+"""Borders between strokes and rests, and the samples of completed ones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clutchid.log import BoolArray, FloatArray
+from clutchid.log import BoolArray
 from clutchid.parameters import DEFAULTS
 from clutchid.strokes.rest_level import STILL, Bins, ranges
 from clutchid.strokes.sampled import runs
 from clutchid.strokes.section import SectionKind
 from clutchid.strokes.stream import StrokeSamples
-from clutchid.strokes.stroke import BEGINS, FULL
+from clutchid.strokes.stroke import BEGINS
 
 #: Length in s of the vented rest before a stroke that is part of its section: what a fit uses for the initial state.
 LEAD = 0.5
@@ -27,6 +26,9 @@ LONGEST_SECTION = 2**18
 #: A chamber is vented where its pressure is at most this factor times the lowest of the rest; a rest above
 #: `_PRESSED` times the ambient pressure is a hold.
 _VENTED, _PRESSED = 1.1, 1.5
+
+#: Motion within a hold, as a fraction of the reach: below it the piston is held.
+_APART = 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -234,148 +236,3 @@ def _completed(pending: PendingSamples, span: _Span) -> CompletedSamples:
     return CompletedSamples(
         span.kind, span.long_hold, samples, pending.bins.part(span.start, span.stop), span.vented, lead
     )
-
-
-#: Fractions of the reach: least amplitude of a swing and of a swing in slip, least distance between distinct levels,
-#: and the range of positions in which the clutch slips.
-_SWING, _SLIP_SWING, _APART, _SLIP_ZONE = 0.3, 0.02, 0.08, (0.06, 0.6)
-
-#: Half the number of bins over which these speeds are computed.
-_SLOPE_BINS = 5
-
-#: Speeds in reaches per second: slip is slower than `_SLOW`, a controlled return slower than `_EASED` (a free return
-#: has 4 or more), a hold slower than `_HOLDS`.
-_SLOW, _EASED, _HOLDS = 1.0, 1.5, 0.1
-
-#: Least times in s: of a ramp while opening or in the upper half of the return; of a held level; of any slip; and of a
-#: slip that is longer than that of a gear shift.
-RAMP, _HELD, _SHORT_SLIP, _LONG_SLIP = 0.8, 0.25, 0.12, 1.2
-
-#: Fractions of a stroke's length: bang-bang motion is still for less than `_MOVING`, a staircase slips for less than
-#: `_SLIPPING`.
-_MOVING, _SLIPPING = 0.25, 0.45
-
-#: A rest with a larger fraction of its positions missing is labelled "no position".
-_MOST_MISSING = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class MotionFeatures:
-    """Features that classify a manoeuvre; positions as fractions of the reach, times in s.
-
-    Length; highest position; number of distinct held levels, and of reversals after swings of `_SWING`; time of slow
-    motion while opening, and in the upper half of the final return; time of slow motion in `_SLIP_ZONE` during that
-    return, and the reversals in it; time there below `_EASED`; fraction of the length during which the piston is still.
-    """
-
-    seconds: float
-    peak: float
-    levels: int
-    swings: int
-    opening: float
-    upper: float
-    slip: float
-    slip_swings: int
-    eased: float
-    still: float
-
-
-def motion_features(time: FloatArray, y: FloatArray, still: BoolArray) -> MotionFeatures:
-    """Features of a stroke that classify it.
-
-    Parameters
-    ----------
-    time : s
-        Bins of about 10 ms, at least two.
-    y : 1
-        Position above the vented rest as a fraction of the reach, above 0 somewhere.
-    still
-        Where the position is still.
-    """
-    step = np.diff(time, append=time[-1])
-    peak = float(y.max())
-    top = np.flatnonzero(y >= 0.9 * peak)
-    back, before, after = y[top[-1] :], slice(0, top[0]), slice(top[-1], None)
-    speed = _slopes(time, y)
-    creeps = (np.abs(speed) < _SLOW) & (np.abs(speed) > _HOLDS)
-    zone = (back > _SLIP_ZONE[0]) & (back < _SLIP_ZONE[1])
-    slow = zone & (np.abs(speed[after]) < _SLOW)
-    return MotionFeatures(
-        seconds=float(time[-1] - time[0]),
-        peak=peak,
-        levels=_levels(time, y, np.abs(speed) < _HOLDS),
-        swings=_swings(y, _SWING),
-        opening=float(step[before][creeps[before] & (speed[before] > 0) & (y[before] > 0.1 * peak)].sum()),
-        upper=float(step[after][creeps[after] & (back > 0.5 * peak)].sum()),
-        slip=float(step[after][slow].sum()),
-        slip_swings=_swings(back[slow], _SLIP_SWING),
-        eased=float(step[after][zone & (np.abs(speed[after]) < _EASED)].sum()),
-        still=float(step[still].sum() / max(step.sum(), 1e-9)),
-    )
-
-
-#: Labels of strokes and their conditions; the first condition that holds decides, and the last one always holds.
-_RULES: tuple[tuple[str, Callable[[MotionFeatures], bool]], ...] = (
-    ("bang-bang", lambda c: c.swings >= 4 and c.still < _MOVING),
-    ("ramp", lambda c: max(c.opening, c.upper) >= RAMP and c.levels <= 1 and c.swings <= 1),
-    ("staircase", lambda c: c.swings >= 3 or (c.levels >= 3 and c.slip < _SLIPPING * c.seconds)),
-    ("slip control", lambda c: c.slip >= _LONG_SLIP and c.slip_swings >= 1),
-    ("partial stroke", lambda c: c.peak < FULL),
-    ("full stroke", lambda c: c.eased < _SHORT_SLIP),
-    ("gear shift", lambda c: c.slip < _LONG_SLIP),
-    ("pull-away", lambda c: True),  # noqa: ARG005
-)
-
-#: Labels of strokes, in the field's words.
-STROKE_LABELS = tuple(label for label, _ in _RULES)
-
-
-def stroke_label(bins: Bins) -> str:
-    """Label of a stroke, one of `STROKE_LABELS`; "partial stroke" if it stays at the rest level."""
-    moving = np.isfinite(bins.position) & (bins.reach > 0)
-    y = (bins.position - bins.level)[moving] / bins.reach[moving]
-    if y.size < 3 or float(y.max()) <= _SLIP_ZONE[0]:
-        return "partial stroke"
-    features = motion_features(bins.time[moving], y, bins.still[moving])
-    return next(label for label, holds in _RULES if holds(features))
-
-
-def rest_label(bins: Bins, *, long_hold: bool, missing: float) -> str:
-    """Label of a rest, one of `RESTS`: "held" if it is away from the rest level or under pressure."""
-    if missing > _MOST_MISSING:
-        return "no position"
-    pressure = bins.pressure[np.isfinite(bins.pressure)]
-    pressed = pressure.size > 0 and float(np.median(pressure)) > _PRESSED * DEFAULTS.P_0
-    return "held" if long_hold or pressed or not np.median(bins.inside) else "vented rest"
-
-
-def _slopes(time: FloatArray, y: FloatArray) -> FloatArray:
-    """Slope over `_SLOPE_BINS` bins before and after each bin, fewer at the ends."""
-    here = np.arange(time.size)
-    a, b = np.maximum(here - _SLOPE_BINS, 0), np.minimum(here + _SLOPE_BINS, time.size - 1)
-    return (y[b] - y[a]) / (time[b] - time[a])
-
-
-def _levels(time: FloatArray, y: FloatArray, slow: BoolArray) -> int:
-    """Number of distinct held levels."""
-    off = slow & (y > _SLIP_ZONE[0])
-    levels = [float(np.median(y[a:b])) for a, b in runs(off) if time[b - 1] - time[a] >= _HELD]
-    count, last = 0, -np.inf
-    for level in sorted(levels):
-        if level > last + _APART:
-            count, last = count + 1, level
-    return count
-
-
-def _swings(y: FloatArray, size: float) -> int:
-    """Number of reversals after a swing of more than `size`."""
-    turns, low, high, rising = 0, np.inf, -np.inf, 0
-    for value in y.tolist():
-        low, high = min(low, value), max(high, value)
-        if rising >= 0 and value < high - size:
-            turns += rising > 0 or turns > 0
-            rising, low = -1, value
-        elif rising <= 0 and value > low + size:
-            turns += rising < 0
-            rising, high = 1, value
-    return int(turns)

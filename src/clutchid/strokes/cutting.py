@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from clutchid.log import Log, sample_interval
-from clutchid.strokes.borders import CompletedSamples, PendingSamples, completed, rest_label, stroke_label
+from clutchid.strokes.borders import CompletedSamples, PendingSamples, completed
 from clutchid.strokes.rest_level import (
     Bins,
     RawBins,
@@ -69,10 +69,10 @@ def sections_of(recording: Log | Iterable[Log]) -> Iterator[Section]:
     >>> t = np.arange(0.0, 4.0, 1e-3)
     >>> y = 1e-3 + np.interp(t, [1.5, 1.6, 2.0, 2.3], [0.0, 0.02, 0.02, 0.0])
     >>> for found in sections_of(Log(t, {"position": y})):
-    ...     print(found.label, round(found.start, 2), round(found.end, 2), f"{found.summary.level * 1e3:.1f} mm")
-    vented rest 0.0 1.0 1.0 mm
-    full stroke 1.0 2.3 1.0 mm
-    vented rest 2.3 4.0 1.0 mm
+    ...     print(found.kind, round(found.start, 2), round(found.end, 2), f"{found.summary.level * 1e3:.1f} mm")
+    rest 0.0 1.0 1.0 mm
+    stroke 1.0 2.3 1.0 mm
+    rest 2.3 4.0 1.0 mm
     """
     pieces = pieces_of(recording)
     first = next(pieces, None)
@@ -140,14 +140,9 @@ def section(part: CompletedSamples, name: str, metadata: Mapping[str, str], *, d
     samples = part.samples
     columns = {column: values.copy() for column, values in samples.columns.items()}
     log = Log(samples.time.copy(), columns, name, metadata, edges=samples.edges)
-    summary = _summary(part)
-    if part.kind == "rest":
-        label = rest_label(part.bins, long_hold=part.long_hold, missing=summary.missing)
-    else:
-        label = stroke_label(part.bins)
     departure = float(part.bins.time[min(part.lead, len(part.bins) - 1)])
     start, end = float(log.time[0]), float(log.time[-1])
-    return Section(part.kind, label, log, start, end, departure, samples.first, summary, divided)
+    return Section(part.kind, log, start, end, departure, samples.first, _summary(part), divided)
 
 
 def _summary(part: CompletedSamples) -> SectionSummary:

@@ -1,4 +1,4 @@
-"""Excitation in a recording: reach, duty cycles, vented rests, and passes by stroke region."""
+"""Excitation in a recording: reach, vented rests, and passes by stroke region."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from clutchid.errors import DataError
-from clutchid.log import INPUTS, FloatArray, Log, holes
+from clutchid.log import FloatArray, Log, holes
 from clutchid.parameters import Parameters
 from clutchid.strokes.sampled import runs, velocity
 from clutchid.strokes.vented_pressure import vented_pressure
@@ -50,15 +49,12 @@ class RegionVisit(NamedTuple):
 class Excitation(NamedTuple):
     """Excitation of one recording, or of several together (`recordings` of them); positions in m.
 
-    `highest_supply` and `highest_exhaust` are the highest duty cycles, NaN where the input is missing;
     `unsettled` recordings have a pressure, but no settled vented rest, see `vented_pressure`.
     """
 
     recordings: int
     lowest: float
     reach: float
-    highest_supply: float
-    highest_exhaust: float
     vented_rests: int
     regions: tuple[RegionVisit, ...]
     unsettled: int = 0
@@ -98,13 +94,10 @@ def excitation(measured: Log, parameters: Parameters | None = None) -> Excitatio
     finite = position[np.isfinite(position)]
     if finite.size == 0:
         raise DataError(f"{measured.name}: column 'position' has no finite sample, so its motion is unknown.")
-    highest = {name: float(np.nanmax(measured[name], initial=0.0)) for name in INPUTS if name in measured}
     return Excitation(
         recordings=1,
         lowest=float(finite.min()),
         reach=float(finite.max()),
-        highest_supply=highest.get("duty_supply", np.nan),
-        highest_exhaust=highest.get("duty_exhaust", np.nan),
         vented_rests=len(vented_rests(measured, p)),
         regions=_visits(finite),
         unsettled=int("pressure_a" in measured and vented_pressure(measured) is None),
@@ -131,17 +124,10 @@ def joint_excitation(parts: Sequence[Excitation]) -> Excitation:
         recordings=sum(part.recordings for part in parts),
         lowest=min(part.lowest for part in parts),
         reach=max(part.reach for part in parts),
-        highest_supply=float(np.fmax.reduce([part.highest_supply for part in parts])),
-        highest_exhaust=float(np.fmax.reduce([part.highest_exhaust for part in parts])),
         vented_rests=sum(part.vented_rests for part in parts),
         regions=regions,
         unsettled=sum(part.unsettled for part in parts),
     )
-
-
-def region_of(position: FloatArray) -> NDArray[np.int64]:
-    """Index of the stroke region of each position in m, by `REGION_EDGES`; NaN is in the last one."""
-    return np.searchsorted(np.array(REGION_EDGES[1:-1]), position, side="right").astype(np.int64)
 
 
 def vented_rests(log: Log, p: Parameters) -> list[tuple[int, int]]:

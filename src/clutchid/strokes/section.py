@@ -15,9 +15,6 @@ from clutchid.strokes.stream import joined_edges
 
 SectionKind = Literal["stroke", "rest"]
 
-#: Labels of rests, in the field's words; those of strokes are `clutchid.strokes.borders.STROKE_LABELS`.
-RESTS = ("vented rest", "held", "no position")
-
 
 @dataclass(frozen=True, slots=True)
 class SectionSummary:
@@ -48,7 +45,6 @@ class Section:
     """
 
     kind: SectionKind
-    label: str
     log: Log
     start: float
     end: float

@@ -82,15 +82,15 @@ class CutRecording(NamedTuple):
         The chosen strokes as one recording; None where no stroke can be used.
     chosen
         Their number, length and times, in a sentence.
-    counts
-        Labels with the number of their strokes and rests, most frequent first.
+    found
+        The number of strokes and of rests.
     divisions
         Where strokes are divided, one sentence for holds and one for strokes that are too long.
     """
 
     log: Log | None
     chosen: str
-    counts: Sequence[tuple[str, int]]
+    found: str
     divisions: tuple[str, ...]
 
 
@@ -130,7 +130,8 @@ def _cut(pieces: Iterable[Log], seconds: float) -> CutRecording:
     length = sum(section.end - section.start for section in chosen)
     begins = listed(f"{section.start:.2f} s" for section in chosen)
     sentence = f"chosen: {len(chosen):,} of them, {length:.2f} s, from {begins}"
-    return CutRecording(log, sentence, counts.most_common(), said)
+    found = f"{counts['stroke']:,} strokes, {counts['rest']:,} rests"
+    return CutRecording(log, sentence, found, said)
 
 
 def _sentence(times: Sequence[float], *, held: bool) -> str:
@@ -164,9 +165,9 @@ def _counted(
     counts: Counter[str],
     divisions: dict[bool, list[float]],
 ) -> Iterator[Section]:
-    """The sections, counted by label; times of `divisions`, at holds or not."""
+    """The sections, counted by kind; times of `divisions`, at holds or not."""
     for section in sections:
-        counts[section.label] += 1
+        counts[section.kind] += 1
         if section.divided:
             divisions.setdefault(section.kind == "rest", []).append(section.start)
         yield section

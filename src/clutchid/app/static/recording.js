@@ -343,6 +343,6 @@ function drawStrokes(recording, redraw) {
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
       h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,
         onchange: (event) => { these[event.target.checked ? "add" : "delete"](stroke.begin); button.disabled = !these.size; } })),
-      h("td", {}, stroke.label), h("td", { class: "number" }, `${short(stroke.begin)} to ${short(stroke.end)} s`),
+      h("td", { class: "number" }, `${short(stroke.begin)} to ${short(stroke.end)} s`),
       h("td", {}, h("button", { type: "button", class: "plain", onclick: () => shown?.mark(stroke.begin, stroke.end) }, "Show"))))))), button));
 }

@@ -1,10 +1,9 @@
-"""Residuals of a simulated recording: fit in %, whiteness, correlation with the inputs, and error by stroke region."""
+"""Residuals of a simulated recording: fit in %, whiteness, and correlation with the inputs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +11,10 @@ from numpy.typing import NDArray
 from clutchid.errors import DataError
 from clutchid.log import HOLE, INPUTS, FloatArray, Log
 from clutchid.log.states import MEASURED
-from clutchid.numerics.whiteness import FEWEST_VALUES, LAGS, Colour, block_means, colour, effective_samples
-from clutchid.strokes.excitation import HOLD_SPEED, REGION_EDGES, SLOW_WINDOW, region_of
-from clutchid.strokes.sampled import velocity
+from clutchid.numerics.whiteness import LAGS, Colour, block_means, colour, effective_samples
 
 #: Interval in s at which the slow autocorrelation is evaluated: the lags then reach half a second.
 _SLOW_INTERVAL = 0.02
-
-_Direction = Literal["opening", "closing", "hold", "all"]
-_DIRECTIONS: tuple[_Direction, ...] = ("opening", "closing", "hold")
 
 #: For white noise, more than 2 of 25 lags lie outside the 99 % bounds in only 1 of 500 recordings.
 MOST_OUTSIDE = 2.5 / 25
@@ -34,21 +28,6 @@ LEAST_CORRELATION = 0.1
 
 #: The number of effective samples is reported if autocorrelation reduces it by at least a tenth.
 _FEWER = 0.9
-
-#: A region is reported if its error is this multiple of the overall error, over at least this fraction of the samples.
-_WORSE, _LEAST_SHARE = 1.5, 0.01
-
-
-@dataclass(frozen=True, slots=True)
-class RegionError:
-    """Error where the measured position is from `low` to `high` m and moves in `direction`; rms and mean in SI."""
-
-    low: float
-    high: float
-    direction: _Direction
-    samples: int
-    rms: float
-    mean: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +46,6 @@ class ColumnDiagnosis:
     effective_samples: float
     fast: Colour
     slow: Colour
-    regions: tuple[RegionError, ...]
 
     @property
     def autocorrelated(self) -> float:
@@ -172,7 +150,6 @@ def _diagnosed(log: Log, residual: FloatArray, name: str) -> ColumnDiagnosis:
         effective_samples(even, block),
         fast,
         slow,
-        _regions(log, residual),
     )
 
 
@@ -199,33 +176,12 @@ def _evenly(
     return block, interval, spread(residual), {key: spread(log[key]) for key in INPUTS if key in log}
 
 
-def _regions(log: Log, residual: FloatArray) -> tuple[RegionError, ...]:
-    """Errors by stroke region, for each direction and overall; regions without samples are left out."""
-    speed = velocity(log.time, log["position"], SLOW_WINDOW)
-    finite = np.isfinite(residual) & np.isfinite(log["position"]) & np.isfinite(speed)
-    way = np.where(speed[finite] > HOLD_SPEED, 0, np.where(speed[finite] < -HOLD_SPEED, 1, 2))
-    cell, error = region_of(log["position"][finite]) * 3 + way, residual[finite]
-    shape = (len(REGION_EDGES) - 1, 3)
-    size = shape[0] * shape[1]
-    count, total, squares = (
-        np.bincount(cell, weights, size).reshape(shape) for weights in (np.ones_like(error), error, error**2)
-    )
-    errors = []
-    for i in range(shape[0]):
-        for direction, at in (*((d, [j]) for j, d in enumerate(_DIRECTIONS)), ("all", [0, 1, 2])):
-            n = float(count[i, at].sum())
-            if n > 0:
-                rms, mean = float(np.sqrt(squares[i, at].sum() / n)), float(total[i, at].sum() / n)
-                errors.append(RegionError(REGION_EDGES[i], REGION_EDGES[i + 1], direction, int(n), rms, mean))
-    return tuple(errors)
-
-
 def remarks(diagnosis: Diagnosis) -> list[str]:
     """Remarks on the residuals, one sentence each; empty if they look like white noise."""
     sentences = []
     for name, column in diagnosis.columns.items():
         who = f"{diagnosis.name}: the residual of {name}"
-        sentences += _of_colour(column, who) + _of_inputs(column, who) + _of_regions(column, name, who)
+        sentences += _of_colour(column, who) + _of_inputs(column, who)
     return sentences
 
 
@@ -259,22 +215,3 @@ def _of_inputs(column: ColumnDiagnosis, who: str) -> list[str]:
                 f"{who} {how} (correlation {best.strongest:+.2f}, 99 % bound {best.strongest_bound:.2f}): {what}."
             )
     return sentences
-
-
-def _of_regions(column: ColumnDiagnosis, name: str, who: str) -> list[str]:
-    least = max(FEWEST_VALUES, _LEAST_SHARE * column.samples)
-    candidates = [region for region in column.regions if region.direction != "all" and region.samples >= least]
-    worst = max(candidates, key=lambda region: region.rms, default=None)
-    if worst is None or worst.rms < _WORSE * column.rms:
-        return []
-    unit, factor = MEASURED[name].shown
-    ends = (
-        f"{worst.low * 1e3:.0f} to {worst.high * 1e3:.0f} mm"
-        if np.isfinite(worst.high)
-        else f"{worst.low * 1e3:.0f} mm and more"
-    )
-    when = "during holds" if worst.direction == "hold" else f"while {worst.direction}"
-    return [
-        f"{who} is largest {when} at {ends}: {worst.rms * factor:.2g} {unit} rms, compared with "
-        f"{column.rms * factor:.2g} {unit} overall."
-    ]

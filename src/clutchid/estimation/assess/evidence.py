@@ -71,9 +71,7 @@ def evidence(fit: Fit) -> Evidence:
         return Evidence({}, {}, ())
     actuator = fit.actuator
     moved = joint_excitation([excitation(fit.recordings[name].measured, actuator.parameters) for name in diagnoses])
-    # with B-splines, which are local, and with priors, only the motion shows what is missing
-    determined = shared_information(fit) if actuator.load.basis == "paper" and not fit.follows else None
-    sentences = missing_excitation(moved, actuator, determined and _identifiable_if_known(determined))
+    sentences = missing_excitation(moved, actuator)
     return Evidence(diagnoses, {name: predicted_fit(fit, name) for name in diagnoses}, tuple(sentences))
 
 
@@ -124,12 +122,6 @@ def shared_information(fit: Fit) -> Information | None:
     at = [i for i, name in enumerate(fit.parameters) if "@" not in name]
     shared = Information.of_covariance(names, fit.covariance[np.ix_(at, at)], natural_sizes(fit.actuator, names))
     return shared if shared.determined else None
-
-
-def _identifiable_if_known(shared: Information) -> Information:
-    """`shared` scaled so that every parameter with a finite variance counts as identifiable."""
-    smallest = min(float(np.linalg.norm(column)) for column in shared.columns(shared.determined).T)
-    return Information(shared.names, shared.R * (10.0 / smallest))
 
 
 def reach(fit: Fit) -> float:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.result import Fit
 from clutchid.log import INPUTS, FloatArray
 from clutchid.numerics.whiteness import Colour, colour
-from clutchid.observer.configuration import observer
-from clutchid.observer.run import ObservedRecording, observe_recording, spacing
+from clutchid.observer.run import ObservedRecording
 
 #: Length in s over which the NIS is averaged for a curve.
 SPAN = 1.0
@@ -108,19 +104,3 @@ def _means(places: FloatArray, values: FloatArray, cells: int) -> FloatArray:
     total = np.bincount(places, np.where(finite, values, 0.0), cells)
     means: FloatArray = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     return means
-
-
-def calibration_innovations(fit: Fit) -> dict[str, InnovationStatistics]:
-    """Those of the method 'joint' in the recordings of a calibration, by name; none of a reading.
-
-    Recordings that cannot be observed are left out.
-    """
-    statistics = dict[str, InnovationStatistics]()
-    if fit.calibration is None or not np.isfinite(fit.calibration.nis) or "pressure_a" not in fit.scales:
-        return statistics
-    for name, recording in fit.recordings.items():
-        log = recording.measured
-        with suppress(DataError, ParameterError):  # a page is not lost for it
-            joint = observer(fit.actuator, "joint", spacing(log), fit.calibration)
-            statistics[name] = innovation_statistics(observe_recording(joint, log))
-    return statistics

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -152,16 +152,6 @@ class FileTroubles:
             if _identity(path) == before:  # nobody has replaced the file
                 self.moved[path] = None
             self._note(f"{error} What came before is kept.")
-
-    def cut(self, left: Sequence[Path], time: float) -> None:
-        """Remove from the files of an earlier run the rows after a time in s, which are written again."""
-        from clutchid.measurements.spool import cut_behind
-
-        for path in left:
-            try:
-                cut_behind(path, time)
-            except ExportError as error:
-                self._note(f"{error} Samples from {time:g} s on are in it and in the new file.")
 
     def save(self, path: Path | None, run: LiveRun) -> None:
         """Save the state while the recording goes on, if requested."""

@@ -83,8 +83,9 @@ def follow_live(
         with closing(arriving(reading, content, request.resume, stopped)) as blocks:
             first = next(blocks)
             observer, state = observer_of(first.log, content, request, reading.zero)
-            if request.resume is not None:  # what comes again
-                files.cut(left, float(first.log.time[0]))
+            if left and request.resume is not None:
+                again = f"rows from {first.log.time[0]:g} s on come again in {outputs.out} and its load by stroke"
+                say_unhurried([f"{' and '.join(map(str, left))}: {again}; leave them out when you join the files."])
             run, fault, said = _observed(
                 live_run(observer, state), chain([first], blocks), outputs, files, stopped, say_checks=say_checks
             )
