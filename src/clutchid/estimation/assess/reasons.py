@@ -136,8 +136,9 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
     if not error <= GOOD_ERROR:
         text = f"the standard deviation of the load is {error:.1f} % of its peak, a good one has at most "
         text += f"{GOOD_ERROR:g} %: the recording does not determine all that may have changed since the calibration. "
-        text += "The interval includes this. To narrow it, record the supply pressure or record longer, or give what "
-        text += "is known with --prior."
+        is_recorded = all("pressure_supply" in recording.measured.columns for recording in fit.recordings.values())
+        what = "record longer" if is_recorded else "record the supply pressure or record longer"
+        text += f"The interval includes this. To narrow it, {what}, or give what is known with --prior."
         yield Reason(text, error > POOR_ERROR, banded=True)
 
 
@@ -365,10 +366,10 @@ WIDE, _WIDE_SHARE = 0.1, 0.1
 
 @once_a_fit
 def reasons(fit: Fit) -> tuple[Reason, ...]:
-    """Reasons that lower the trust in a fit, those of single recordings apart; a failed one has one reason."""
+    """Reasons that lower the trust in a fit, grave ones first; a failed one has one reason."""
     if fit.status == "failed" or not fit.recordings:
         return (Reason(f"the fit failed: {fit.message}".rstrip(".") + ".", True),)
-    return (*_reasons(fit, evidence(fit)),)
+    return (*sorted(_reasons(fit, evidence(fit)), key=lambda reason: not reason.grave),)
 
 
 def _reasons(fit: Fit, judged: Evidence) -> Iterator[Reason]:
