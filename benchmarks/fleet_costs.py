@@ -26,7 +26,7 @@ from clutchid.estimation.assess.comparison import HalfLoad, Measurement
 from clutchid.fleets import output, verbs
 from clutchid.fleets.parts import adopt, append, write_once
 from clutchid.fleets.storage import Folder, objects_at
-from clutchid.fleets.store import RecordingRow, StoredRow, run_store, stored_row
+from clutchid.fleets.store import StoredRow, run_store, stored_row
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.processes import Timing
 from clutchid.wear.history import RecordingJob, WearReading
@@ -47,7 +47,7 @@ def row_of(job: RecordingJob) -> StoredRow:
         half_load=HalfLoad(2e-3 - shift, 1.9e-3 - shift, 2.1e-3 - shift),
         curve=LoadCurve(position, force, force - 90.0, force + 90.0),
     )  # fmt: skip
-    return stored_row(RecordingRow(job, reading, Timing(1.5, 1.4, "host", 1, 1), datetime.now(UTC).isoformat()))
+    return stored_row(job, reading, Timing(1.5, 1.4, "host", 1, 1), datetime.now(UTC).isoformat())
 
 
 def make(folder: Path, first: int, last: int) -> None:
@@ -106,9 +106,7 @@ def events(count: int, at: str) -> None:
             times.append(perf_counter())
             assert len(store.keys()) == count
         written, taken, folded = np.diff(times)
-        print(
-            f"{count:,} parts of one row: written: {written:.1f} s, taken in {taken:.1f} s, folded: {folded:.1f} s s"
-        )
+        print(f"{count:,} parts of one row: written: {written:.1f} s, taken in {taken:.1f} s, folded: {folded:.1f} s s")
 
 
 def main() -> None:

@@ -10,8 +10,8 @@ from clutchid import Log, bundled_recording, write
 from clutchid.errors import ExportError
 from clutchid.files import write_frame
 from clutchid.fleets.jobs import Fleet, with_dependencies
-from clutchid.fleets.plan import planned, recording_states, rows_of
-from clutchid.fleets.store import RecordingRow, run_store, stored_row
+from clutchid.fleets.plan import planned, readings_of, recording_states
+from clutchid.fleets.store import run_store, stored_row
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track
 from clutchid.verbs.wear_reading import checksum_of, read_recording
@@ -24,9 +24,9 @@ def statuses(tmp_path, status):
     jobs = tuple(RecordingJob("r", vehicle, path=tmp_path, start=tmp_path) for vehicle in ("V1", "V2"))
     with run_store(tmp_path / status, {}) as stored:
         for job in jobs:
-            stored.put([stored_row(RecordingRow(job, WearReading(status, "its sentence", sha256="same")))])
+            stored.put([stored_row(job, WearReading(status, "its sentence", sha256="same"))])
         states = recording_states(jobs, stored.keys())
-        return [row.reading[:2] for state in states for row in rows_of([state], stored)]
+        return [reading[:2] for state in states for reading in readings_of([state], stored)]
 
 
 def tasks(fleet, reading, verb, stored, *, retry=False):
@@ -49,7 +49,7 @@ def test_a_file_that_goes_before_it_is_read_is_a_row(tmp_path):
         reading = read_recording(Reading(), "fit", task)
         assert reading.status == "bad_input"
         assert "gone.parquet: there is no such file" in reading.message
-        stored.put([stored_row(RecordingRow(task, reading))])
+        stored.put([stored_row(task, reading)])
         assert not tasks(fleet, Reading(), "fit", stored)
         gone.touch()
         assert tasks(fleet, Reading(), "fit", stored), "it has come back"
@@ -67,9 +67,7 @@ def test_what_a_result_was_made_from_is_read_again_when_it_changes(tmp_path, mon
             """Whether the recording is read now; then it is done."""
             todo = tasks(fleet, reading, verb, stored, **retry)
             for task in todo:
-                stored.put(
-                    [stored_row(RecordingRow(task, WearReading("killed", "lost", sha256=checksum_of(recording))))]
-                )
+                stored.put([stored_row(task, WearReading("killed", "lost", sha256=checksum_of(recording)))])
             return bool(todo)
 
         assert is_read()
@@ -95,7 +93,7 @@ def test_a_file_that_could_not_be_read_is_tried_again_without_a_change(tmp_path)
     with run_store(tmp_path / "out", {}) as stored:
         (task,) = tasks(fleet, Reading(), "fit", stored)
         for checksum, again in (("", 1), (checksum_of(recording), 0)):
-            stored.put([stored_row(RecordingRow(task, WearReading("bad_input", "cannot be read.", sha256=checksum)))])
+            stored.put([stored_row(task, WearReading("bad_input", "cannot be read.", sha256=checksum))])
             assert len(tasks(fleet, Reading(), "fit", stored)) == again
 
 

@@ -13,7 +13,7 @@ from clutchid.fleets.output import results_table
 from clutchid.fleets.parts import adopt, append
 from clutchid.fleets.plan import recording_states
 from clutchid.fleets.storage import Folder
-from clutchid.fleets.store import RecordingRow, run_store, stored_row
+from clutchid.fleets.store import run_store, stored_row
 from clutchid.processes import Timing
 from clutchid.wear.history import Leak, RecordingJob
 from clutchid.wear.tables import read_fleet_table
@@ -34,7 +34,7 @@ def row(name="r1", vehicle="V1", day=1, shift=1e-4, **place):
     )  # fmt: skip
     read = reading(shift, 0.1 / 3, curve=load(shift), half_load=half_load(shift), leak=Leak(1e-11, 1e-12, 0.9))
     read = read._replace(sha256=f"{vehicle}{name}{shift}", message="“its” sentence")
-    return stored_row(RecordingRow(job, read, Timing(1.5, 1.25, "host", 7, 1), "2026-11-30T12:00:00.000001+00:00"))
+    return stored_row(job, read, Timing(1.5, 1.25, "host", 7, 1), "2026-11-30T12:00:00.000001+00:00")
 
 
 def parts_of(folder):

@@ -10,7 +10,7 @@ import pytest
 
 from clutchid.errors import ExportError
 from clutchid.estimation.assess.comparison import HalfLoad, Measurement
-from clutchid.fleets.store import RecordingRow, run_store, stored_row
+from clutchid.fleets.store import run_store, stored_row
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.processes import Timing
 from clutchid.wear.history import RecordingJob, WearReading
@@ -31,7 +31,7 @@ def kept(name, vehicle="V1", status="ok"):
     reading = READING._replace(status=status)
     place = {"type": "T1", "begin": datetime(2026, 1, 2, tzinfo=UTC), "odometer": 1.5, "strokes": float("nan")}
     job = RecordingJob(name, vehicle, **place, inputs="inputs", file="12 34")
-    return stored_row(RecordingRow(job, reading, Timing(1.5, float("nan"), "host", 12, 1), "2026-11-30T12:00:00+00:00"))
+    return stored_row(job, reading, Timing(1.5, float("nan"), "host", 12, 1), "2026-11-30T12:00:00+00:00")
 
 
 def rows_in(stored):
@@ -47,7 +47,7 @@ def test_a_result_comes_back_as_it_was(tmp_path):
     with run_store(tmp_path / "out", ABOUT) as stored:
         rows = [row for vehicle in ("V1", "V2") for row in stored.of_vehicle(vehicle).values()]
         entry = stored.keys()["V1", "r2"]
-        assert (entry.job.inputs, entry.job.file, entry.checksum, entry.has_result) == ("inputs", "12 34", "abc", True)
+        assert (entry.inputs, entry.file, entry.sha256, entry.has_result) == ("inputs", "12 34", "abc", True)
     assert {row[:2] for row in rows} == {("V1", "r1"), ("V1", "r2"), ("V2", "r1")}
     (row,) = (row for row in rows if row[:2] == ("V1", "r1"))
     assert row == kept("r1")

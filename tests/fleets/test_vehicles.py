@@ -7,7 +7,6 @@ import polars as pl
 import pytest
 
 from clutchid.fleets.jobs import Fleet, fleet_of
-from clutchid.fleets.store import RecordingRow
 from clutchid.systems import is_device
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.tracking import track, write_tracked
@@ -21,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 def written(out, fleet, read):
     """The files of a run in which every recording was read by a function; vehicles with their pages."""
-    write_states(out, [RecordingRow(job, read(job)) for job in fleet.jobs])
+    write_states(out, [(job, read(job)) for job in fleet.jobs])
     rows = pl.read_parquet(out / "vehicles.parquet")["vehicle"].to_list()
     return rows, [path.name for path in (out / "vehicles").iterdir()]
 

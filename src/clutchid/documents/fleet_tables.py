@@ -17,6 +17,15 @@ from clutchid.names import capital, natural, printable
 from clutchid.wear import LIFE, Axis, Interval
 
 
+class ReasonCount(NamedTuple):
+    """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""
+
+    status: str
+    sentence: str
+    recordings: int
+    example: str
+
+
 class VehicleRow(NamedTuple):
     """A vehicle: its recordings, and its clutch at the last one with 95 % bands; NaN is unknown.
 
@@ -25,7 +34,8 @@ class VehicleRow(NamedTuple):
     known with a table of it. `rate` is that of wear, or else of shift, a stroke, km, day or recording, as `axis` says,
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
-    ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings.
+    ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
+    some do not count.
     """
 
     name: str
@@ -44,20 +54,12 @@ class VehicleRow(NamedTuple):
     page: str = ""
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
+    reasons: tuple[ReasonCount, ...] = ()
 
     @property
     def has_result(self) -> int:
         """Number of its recordings that were read."""
         return sum(number for status, number in self.statuses.items() if status in ("ok", "warning"))
-
-
-class ReasonCount(NamedTuple):
-    """Recordings without result: status, reason as a sentence without names or numbers, how many, one of them."""
-
-    status: str
-    sentence: str
-    recordings: int
-    example: str
 
 
 class Spans(NamedTuple):

@@ -16,7 +16,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.storage import Objects, objects_at, path_of, run_of
-from clutchid.fleets.store import StoredKey
+from clutchid.fleets.store import StoredRow
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.verbs.folders import (
@@ -286,7 +286,7 @@ def has_dates(start: Path) -> bool:
     return _calibrations(start).has_dates
 
 
-def with_known(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredKey], *, missing: bool) -> Fleet:
+def with_known(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredRow], *, missing: bool) -> Fleet:
     """A fleet whose calibrations hold on the dates in its index; with `missing` also what has no file any more."""
     calibrations = _calibrations(start)
     jobs = list(fleet.jobs)

@@ -16,7 +16,7 @@ from clutchid.fleets.jobs import Fleet, row_of, with_dependencies, with_own_cali
 from clutchid.fleets.parts import recordings_frame, write_once
 from clutchid.fleets.plan import now, read_object, reader_of
 from clutchid.fleets.storage import Folder, Objects, objects_at, path_of
-from clutchid.fleets.store import RecordingRow, StoredRow, stored_row
+from clutchid.fleets.store import StoredRow, stored_row
 from clutchid.names import as_text
 from clutchid.processes import Timing
 from clutchid.verbs.folders import name_of
@@ -161,7 +161,7 @@ def _read(fleet: Fleet, reading: Reading, how: str) -> StoredRow:
     (job,) = with_dependencies(fleet, reading, how).jobs
     begin, read = perf_counter(), partial(read_recording, reading, how)
     result = read_object(fleet.objects, read, job) if fleet.objects else read(job)
-    return stored_row(RecordingRow(job, result, Timing(perf_counter() - begin, attempt=1), now()))
+    return stored_row(job, result, Timing(perf_counter() - begin, attempt=1), now())
 
 
 def _shown(row: StoredRow) -> dict[str, object]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,9 +21,9 @@ from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
-from clutchid.fleets.plan import RecordingKey, RecordingState, rows_of
+from clutchid.fleets.plan import RecordingKey, RecordingState, readings_of
 from clutchid.fleets.storage import Storage
-from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
+from clutchid.fleets.store import Store, StoredRow, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
 from clutchid.verbs.wear_reading import later_calibrations
@@ -64,8 +64,8 @@ def results_table(states: Sequence[RecordingState], store: Store, storage: Stora
             if state.entry and state.is_plain:
                 parts[state.entry.part].append((vehicle, state.job.recording))
         if not all(state.is_plain for state in own):
-            rows = zip(own, rows_of(own, store), strict=True)
-            special += [stored_row(row) for state, row in rows if not state.is_plain]
+            rows = zip(own, readings_of(own, store), strict=True)
+            special += [stored_row(state.job, reading) for state, reading in rows if not state.is_plain]
     tables = [recordings_frame(special, whole=False), *rows_in_parts(storage, parts)]
     table = pl.concat(tables, how="diagonal_relaxed")
     keys = [(*_key(state), state.file_gone) for state in states]
@@ -93,13 +93,6 @@ _LONGEST_NAME = 120
 _LONGEST = 160
 
 
-class VehicleState(NamedTuple):
-    """State of a vehicle: its row, and the reasons why recordings do not count, each with its recordings."""
-
-    row: VehicleRow
-    reasons: tuple[ReasonCount, ...]
-
-
 def vehicles_of(
     states: Sequence[RecordingState],
     store: Store,
@@ -108,7 +101,7 @@ def vehicles_of(
     out: Path,
     *,
     trends: bool,
-) -> list[VehicleState]:
+) -> list[VehicleRow]:
     """The vehicles of a fleet; with `trends` also their files: page, trend and loads.
 
     Only those of which something is new are made again, from the readings of the index.
@@ -134,13 +127,12 @@ def vehicles_of(
             after[vehicle] = earlier
             vehicles.append(_restored(earlier[1]))
             continue
-        rows = rows_of(own, store)
-        wear = _wear(vehicle, rows, limit)
+        wear = _wear(own, store, limit)
         if file:
             _write_vehicle(WornClutch(wear, home=f"../{_INDEX}"), command, out / file)
-        state = VehicleState(_row(wear, f"{file}.html" if file else ""), _reasons_of(wear))
-        after[vehicle] = made, json.dumps(state, default=_packed)
-        vehicles.append(state)
+        row = _row(wear, f"{file}.html" if file else "")
+        after[vehicle] = made, json.dumps(row, default=_packed)
+        vehicles.append(row)
     store.put_vehicles(after)
     return vehicles
 
@@ -154,18 +146,17 @@ def to_read_again(
     for vehicle, own in _by_vehicle(states):
         limit, file = limits(own[0].job), f"{_FILES}/{_file_name(vehicle, names)}"
         if before.get(vehicle, ("",))[0] != _hash(own, limit, file):
-            rows = rows_of(own, store)
-            wear = _wear(vehicle, rows, limit)
-            again = {job.recording for job in to_estimate(wear)}
+            again = {job.recording for job in to_estimate(_wear(own, store, limit))}
             jobs += [state.job for state in own if state.job.recording in again and not state.file_gone]
     return jobs
 
 
-def _wear(vehicle: str, rows: Sequence[RecordingRow], limit: LifeLimits) -> Wear:
+def _wear(states: Sequence[RecordingState], store: Store, limit: LifeLimits) -> Wear:
     """The wear of a vehicle; of calibrations that hold from a date, later ones have an offset in its trend."""
-    starts = sorted({row.job.start for row in rows if row.job.start}, key=lambda path: path.name)
+    jobs = [state.job for state in states]
+    starts = sorted({job.start for job in jobs if job.start}, key=lambda path: path.name)
     later = later_calibrations(starts) if len(starts) > 1 else {}
-    return wear_of(vehicle, [row.job for row in rows], [row.reading for row in rows], limit, later=later)
+    return wear_of(jobs[0].vehicle, jobs, readings_of(states, store), limit, later=later)
 
 
 def _hash(states: Sequence[RecordingState], limit: LifeLimits, file: str) -> str:
@@ -179,9 +170,9 @@ def _hash(states: Sequence[RecordingState], limit: LifeLimits, file: str) -> str
     return hashlib.sha256(made.encode()).hexdigest()
 
 
-def _result(entry: StoredKey) -> tuple[str, ...]:
+def _result(entry: StoredRow) -> tuple[str, ...]:
     """Identity of a reading, whatever the stamp of its file."""
-    return entry.job.inputs, entry.checksum, entry.status, entry.read_at
+    return entry.inputs, entry.sha256, entry.status, entry.read_at
 
 
 def _write_vehicle(clutch: WornClutch, command: str, path: Path) -> None:
@@ -197,19 +188,17 @@ def _packed(value: object) -> object:
     raise TypeError(value)
 
 
-def _restored(text: str) -> VehicleState:
-    """The state of a vehicle from its text."""
-    values, reasons = json.loads(text)
-    row = VehicleRow(*values)
-    last = datetime.fromisoformat(row.last) if isinstance(row.last, str) else None
-    row = row._replace(
-        last=last, shift=Interval(*row.shift), load=Interval(*row.load), wear=Interval(*row.wear),
-        left=Interval(*row.left), alarms=tuple(row.alarms), warnings=tuple(row.warnings),
+def _restored(text: str) -> VehicleRow:
+    """The row of a vehicle from its text."""
+    row = VehicleRow(*json.loads(text))
+    return row._replace(
+        last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
+        load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
+        warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
     )  # fmt: skip
-    return VehicleState(row, tuple(ReasonCount(*reason) for reason in reasons))
 
 
-def write_tables(vehicles: Sequence[VehicleState], command: str, out: Path, *, trends: bool) -> None:
+def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends: bool) -> None:
     """Write the page of a fleet, and with `trends` the table of its vehicles.
 
     Raises
@@ -219,11 +208,10 @@ def write_tables(vehicles: Sequence[VehicleState], command: str, out: Path, *, t
     """
     import polars as pl
 
-    rows = [vehicle.row for vehicle in vehicles]
     if trends:
         table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema(), orient="row")
         write_bytes(part_content(table.fill_nan(None)), out / VEHICLES)
-    write_page(document_of(FleetWear(rows, _reasons(vehicles)), command), out / _INDEX)
+    write_page(document_of(FleetWear(rows, _reasons(rows)), command), out / _INDEX)
 
 
 def _file_name(vehicle: str, taken: set[str]) -> str:
@@ -255,7 +243,7 @@ def _row(wear: Wear, page: str) -> VehicleRow:
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
-        wear.warnings,
+        wear.warnings, _reasons_of(wear),
     )  # fmt: skip
 
 
@@ -302,11 +290,11 @@ def _reasons_of(wear: Wear) -> tuple[ReasonCount, ...]:
     return tuple(ReasonCount(*reason, len(names), names[0]) for reason, names in recordings.items())
 
 
-def _reasons(vehicles: Sequence[VehicleState]) -> list[ReasonCount]:
+def _reasons(rows: Sequence[VehicleRow]) -> list[ReasonCount]:
     """Those of all vehicles, the most frequent first."""
     counts: dict[tuple[str, str], ReasonCount] = {}
-    for vehicle in vehicles:
-        for reason in vehicle.reasons:
+    for row in rows:
+        for reason in row.reasons:
             first = counts.get(reason[:2])
             counts[reason[:2]] = reason if first is None else first._replace(recordings=first[2] + reason.recordings)
     return sorted(counts.values(), key=lambda count: -count.recordings)

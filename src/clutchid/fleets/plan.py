@@ -16,7 +16,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.storage import Objects
-from clutchid.fleets.store import RecordingRow, Store, StoredKey, place_of, stored_row
+from clutchid.fleets.store import Store, StoredRow, place_of, stored_row
 from clutchid.names import as_text
 from clutchid.processes import Pool
 from clutchid.verbs.reading import Reading
@@ -31,7 +31,7 @@ RecordingKey = tuple[str, str]
 _LOST = ("killed", "timed_out")
 
 #: A recording without a result.
-_NONE = StoredKey(RecordingJob(""), "", "", "", "", "", "", "")
+_NONE = StoredRow("", "", "", "", "", "", "", None, "", "", "", "")
 
 
 class ReadingPlan(NamedTuple):
@@ -44,7 +44,7 @@ class ReadingPlan(NamedTuple):
 
 def planned(
     jobs: Sequence[RecordingJob],
-    keys: Mapping[RecordingKey, StoredKey],
+    keys: Mapping[RecordingKey, StoredRow],
     *,
     retry: bool,
     forget: bool,
@@ -57,32 +57,32 @@ def planned(
     has the reading already, and takes it over from a name whose file is gone. Of `objects` in a storage it is that of
     an object with the same size and ETag.
     """
-    by_stamp = {entry.job.file: entry.checksum for entry in keys.values() if entry.has_result} if objects else {}
+    by_stamp = {entry.file: entry.sha256 for entry in keys.values() if entry.has_result} if objects else {}
     there = {key_of(job) for job in jobs if job.file}
-    by_checksum = {entry.checksum: key for key, entry in keys.items() if entry.has_result}
-    sizes = {entry.job.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
+    by_checksum = {entry.sha256: key for key, entry in keys.items() if entry.has_result}
+    sizes = {entry.file.partition(" ")[0] for entry in keys.values() if entry.has_result}
     todo: list[RecordingJob] = []
     same: list[tuple[RecordingKey, RecordingJob]] = []
-    present = {entry.checksum for key, entry in keys.items() if entry.has_result and key in there} - {""}
-    moved = {key for key, entry in keys.items() if key not in there and entry.has_result and entry.checksum in present}
+    present = {entry.sha256 for key, entry in keys.items() if entry.has_result and key in there} - {""}
+    moved = {key for key, entry in keys.items() if key not in there and entry.has_result and entry.sha256 in present}
     for job in jobs:
         key, entry = key_of(job), keys.get(key_of(job), _NONE)
         if job.path is None or job.start is None or (entry.has_result and not job.file):
             continue
-        changed = entry.job.file != job.file
-        unread = job.file and not entry.checksum and entry.status not in _LOST  # as where a share was away
-        as_before = entry.job.inputs == job.inputs and not unread and not (retry and entry.status in _LOST)
+        changed = entry.file != job.file
+        unread = job.file and not entry.sha256 and entry.status not in _LOST  # as where a share was away
+        as_before = entry.inputs == job.inputs and not unread and not (retry and entry.status in _LOST)
         checksum = ""
         if changed and (as_before or job.file.partition(" ")[0] in sizes):
             checksum = by_stamp.get(job.file, "") if objects else checksum_of(job.path)
-        if as_before and not (changed and checksum != entry.checksum):
+        if as_before and not (changed and checksum != entry.sha256):
             if changed or entry.place != place_of(job):
                 same.append((key, job))
             continue
         source = by_checksum.get(checksum) if checksum else None
         if source and source != key and source not in there:
             moved.add(source)
-        if source and source != key and keys[source].job.inputs == job.inputs:
+        if source and source != key and keys[source].inputs == job.inputs:
             same.append((source, job))
         else:
             todo.append(job)
@@ -94,7 +94,7 @@ def read_all(
     workers: Workers,
     read: Callable[[RecordingJob], WearReading],
     todo: Sequence[RecordingJob],
-    keys: Mapping[RecordingKey, StoredKey],
+    keys: Mapping[RecordingKey, StoredRow],
     store: Store,
     progress: Callable[[int, int], None],
 ) -> None:
@@ -122,8 +122,8 @@ def read_all(
             job, reading = finished.item, unless_lost(finished.item, finished.result)
             entry = keys.get(key_of(job), _NONE)
             # a stub, or a file that went meanwhile, takes no reading of what it was
-            if not (reading.apart and entry.has_result and reading.sha256 != entry.checksum):
-                store.put([stored_row(RecordingRow(job, reading, finished.timing, now()))])
+            if not (reading.apart and entry.has_result and reading.sha256 != entry.sha256):
+                store.put([stored_row(job, reading, finished.timing, now())])
             last, count = store.saved(last), count + 1
             progress(count, len(todo))
     finally:
@@ -166,7 +166,7 @@ class RecordingState(NamedTuple):
     """
 
     job: RecordingJob
-    entry: StoredKey | None = None
+    entry: StoredRow | None = None
     file_gone: bool = False
     copy_of: str = ""
     is_comparable: bool = True
@@ -203,7 +203,7 @@ _OTHER_CALIBRATION = (
 )
 
 
-def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, StoredKey]) -> list[RecordingState]:
+def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, StoredRow]) -> list[RecordingState]:
     """Every recording of a fleet in the order of vehicle and name; of copies the first counts."""
     first: dict[str, str] = {}
     states = []
@@ -212,10 +212,10 @@ def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, S
         if entry is None or (job.problem and (job.path or not entry.has_result)):
             states.append(RecordingState(job))
             continue
-        gone = entry.has_result and (not job.file or entry.job.file not in ("", job.file))
-        is_comparable = not gone or not job.inputs or _start(entry.job.inputs) == _start(job.inputs)
+        gone = entry.has_result and (not job.file or entry.file not in ("", job.file))
+        is_comparable = not gone or not job.inputs or _start(entry.inputs) == _start(job.inputs)
         name = f"{job.recording} of {job.vehicle}"
-        copied = first.setdefault(entry.checksum, name) if entry.has_result and entry.checksum else name
+        copied = first.setdefault(entry.sha256, name) if entry.has_result and entry.sha256 else name
         states.append(RecordingState(job, entry, gone, copied if copied != name else "", is_comparable))
     return states
 
@@ -225,15 +225,15 @@ def _start(inputs: str) -> str:
     return str(json.loads(inputs)[0]) if inputs else ""
 
 
-def rows_of(states: Sequence[RecordingState], store: Store) -> list[RecordingRow]:
-    """The recordings of a vehicle with their readings."""
+def readings_of(states: Sequence[RecordingState], store: Store) -> list[WearReading]:
+    """The readings that count of the recordings of a vehicle."""
     stored = store.of_vehicle(states[0].job.vehicle)
-    rows = []
+    readings = []
     for state in states:
         row = stored.get(state.job.recording) if state.entry else None
         intact = state if row else state._replace(entry=None)
-        rows.append(RecordingRow(state.job, intact.reading(row.result if row else None)))
-    return rows
+        readings.append(intact.reading(row.result if row else None))
+    return readings
 
 
 #: The bundled recording.

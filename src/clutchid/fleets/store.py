@@ -72,6 +72,11 @@ class StoredRow(NamedTuple):
         )
 
     @property
+    def has_result(self) -> bool:
+        """Whether it was read."""
+        return self.status in ("ok", "warning")
+
+    @property
     def calibration(self) -> str:
         """Name of the calibration from which it was read."""
         return str(json.loads(self.place)[4])
@@ -96,33 +101,6 @@ CREATE TABLE IF NOT EXISTS vehicles (vehicle TEXT PRIMARY KEY, made TEXT NOT NUL
 _CHECKSUM = "checksum"
 
 
-class RecordingRow(NamedTuple):
-    """A recording of a fleet, what its reading gave, what that cost, and when it was read (ISO 8601)."""
-
-    job: RecordingJob
-    reading: WearReading
-    timing: Timing = Timing()
-    read_at: str = ""
-
-
-class StoredKey(NamedTuple):
-    """A recording of the index without its reading: its job, status, and the checksums of its file and of its row."""
-
-    job: RecordingJob
-    checksum: str
-    status: str
-    place: str
-    date: str
-    read_at: str
-    row: str
-    part: str
-
-    @property
-    def has_result(self) -> bool:
-        """Whether it was read."""
-        return self.status in ("ok", "warning")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Store:
     """An open index, locked against other runs.
@@ -133,10 +111,10 @@ class Store:
     path: Path
     base: sqlite3.Connection
 
-    def keys(self) -> dict[tuple[str, str], StoredKey]:
-        """The recordings of the index by vehicle and recording, in their order."""
+    def keys(self) -> dict[tuple[str, str], StoredRow]:
+        """The rows by vehicle and recording, in their order, without their readings, so that a million have room."""
         rows = self._rows("ORDER BY vehicle, recording")
-        return {row[:2]: StoredKey(row.job, row.sha256, row.status, row.place, *row[-4:]) for row in rows}
+        return {row[:2]: row._replace(reading="", curve=None, timing="") for row in rows}
 
     def of_vehicle(self, vehicle: str) -> dict[str, StoredRow]:
         """The rows of a vehicle by recording."""
@@ -168,7 +146,7 @@ class Store:
             where = "SELECT * FROM done WHERE vehicle = ? AND recording = ?"
             rows = [(job, StoredRow(*row)) for key, job in same for row in self.base.execute(where, key).fetchall()]
             renamed = (
-                (stored_row(RecordingRow(replace(job, inputs=row.inputs), row.result, _timing(row), row.read_at)), row)
+                (stored_row(replace(job, inputs=row.inputs), row.result, _timing(row), row.read_at), row)
                 for job, row in rows
             )
             as_before = ((new, row, (*new[:2], new.place) == (*row[:2], row.place)) for new, row in renamed)
@@ -370,13 +348,16 @@ def _insert(base: sqlite3.Connection, rows: Iterable[StoredRow]) -> None:
     base.executemany(f"INSERT OR REPLACE INTO done VALUES ({', '.join('?' * len(StoredRow._fields))})", rows)
 
 
-def stored_row(result: RecordingRow) -> StoredRow:
-    """The row of a result, in no part yet."""
-    job, reading = result.job, result.reading
+#: Cost of what was not done.
+_NOT_DONE = Timing()
+
+
+def stored_row(job: RecordingJob, reading: WearReading, timing: Timing = _NOT_DONE, read_at: str = "") -> StoredRow:
+    """The row of a reading with its cost and its time (ISO 8601), in no part yet."""
     begin = dated(job, reading.clock).begin
     return StoredRow(
         job.vehicle, job.recording, job.inputs, job.file, reading.status, reading.sha256, *packed_reading(reading),
-        place_of(job), json.dumps(result.timing), f"{begin.astimezone(UTC):%Y-%m-%d}" if begin else "", result.read_at,
+        place_of(job), json.dumps(timing), f"{begin.astimezone(UTC):%Y-%m-%d}" if begin else "", read_at,
     ).with_checksum()  # fmt: skip
 
 

@@ -40,7 +40,7 @@ from clutchid.fleets.plan import (
     recording_states,
 )
 from clutchid.fleets.storage import Folder, Objects, Storage, objects_at, path_of, scratch_of, times_of, upload
-from clutchid.fleets.store import Store, StoredKey, run_store
+from clutchid.fleets.store import Store, StoredRow, run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
 from clutchid.verbs.folders import STORE
@@ -216,11 +216,10 @@ def fleet(
         if table or len(states) <= MOST_ROWS:
             write_results(states, base, storage, folder)
         trends = verb == "track"
-        vehicles = vehicles_of(states, base, limits, command, folder, trends=trends)
-        write_tables(vehicles, command, folder, trends=trends)
+        rows = vehicles_of(states, base, limits, command, folder, trends=trends)
+        write_tables(rows, command, folder, trends=trends)
         if places.target:
             upload(folder, before, places.target)
-    rows = [vehicle.row for vehicle in vehicles]
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
@@ -240,7 +239,7 @@ class _Work(NamedTuple):
         self,
         fleet: Fleet,
         jobs: Sequence[RecordingJob],
-        keys: Mapping[RecordingKey, StoredKey],
+        keys: Mapping[RecordingKey, StoredRow],
         store: Store,
         how: str = "",
     ) -> None:
@@ -253,7 +252,7 @@ class _Work(NamedTuple):
 def _read_new(
     listed: Fleet,
     work: _Work,
-    keys: Mapping[RecordingKey, StoredKey],
+    keys: Mapping[RecordingKey, StoredRow],
     base: Store,
     storage: Storage,
     *,
