@@ -109,7 +109,8 @@ READING = [
 
 @posix
 @pytest.mark.parametrize(
-    ("command", "address"), [*(("look @", at) for at in ADDRESSES), *((line, ADDRESSES[0]) for line in READING)]
+    ("command", "address"),
+    [*(("look @", at) for at in ADDRESSES), *((line, ADDRESSES["fleet" in line]) for line in READING)],
 )
 def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

@@ -132,7 +132,7 @@ def test_what_a_worker_leaves_on_the_disk_goes_with_it():
 #: Programs of which each waits for work that takes a minute, and the number of processes that it has started at least.
 WAITING = {
     "pool": ("from clutchid.processes import results; list(results(faulty, [('slow', n) for n in range(2)], 2))", 2),
-    "compilation": ("from clutchid.fleets import jobs; jobs.compile_models = asleep; jobs.compile_first(None, [])", 1),
+    "compilation": ("from clutchid.fleets import plan; plan.compile_models = asleep; plan.compile_first(None, [])", 1),
     "reader": (  # somebody else keeps its questions open
         "import subprocess, time; from pathlib import Path; from clutchid.measurements.opening import reader\n"
         "questions = reader(Path('x')).worker._process.stdin\n"

@@ -87,7 +87,7 @@ def stopped(command: str, options: Mapping[str, Any]) -> str:
     Examples
     --------
     >>> stopped("fleet", {"out": Path("result")})
-    'stopped: what has been read is kept in result; the same command goes on from there.'
+    'stopped: the results so far are kept in result; run the same command again to continue.'
     """
     of_fleet = command == "drive" and bool(getattr(options.get("service"), "fleet", False))
     words = _KEPT.get("drive --fleet" if of_fleet else command, _STARTS_AGAIN)

@@ -154,7 +154,7 @@ def not_an_address(path: str | PathLike[str], option: str = "") -> None:
     --------
     >>> not_an_address("s3://bucket/run.csv")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    clutchid.errors.DataError: s3:/bucket/run.csv: is an address, ...
+    clutchid.errors.DataError: s3:/bucket/run.csv: is a network address, ...
     """
     file = Path(path)
     share = str(file).startswith("\\\\")

@@ -130,8 +130,8 @@ def _cut(pieces: Iterable[Log], seconds: float) -> CutRecording:
     length = sum(section.end - section.start for section in chosen)
     begins = listed(f"{section.start:.2f} s" for section in chosen)
     sentence = f"chosen: {len(chosen):,} of them, {length:.2f} s, from {begins}"
-    found = f"{counts['stroke']:,} strokes, {counts['rest']:,} rests"
-    return CutRecording(log, sentence, found, said)
+    counted = f"{counts['stroke']:,} strokes, {counts['rest']:,} rests"
+    return CutRecording(log, sentence, counted, said)
 
 
 def _sentence(times: Sequence[float], *, held: bool) -> str:
