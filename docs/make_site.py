@@ -35,6 +35,7 @@ NAVIGATION = {
     "Start": ["install", "first_hour", "recordings", "excitation", "result", "trouble", "glossary"],
     "Guides": [
         "calibrate_read_compare", "from_matlab", "control_unit", "assumptions", "actuators", "own_models", "truck",
+        "fleet_recipes",
     ],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],

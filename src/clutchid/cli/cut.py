@@ -41,7 +41,7 @@ def cut(
     check_outputs({"--out": out}, [("the recording itself", recording)])
     with progress_bar("cut") as show:
         best = cut_file(files.reading([recording]), seconds, say, show)
-    put(best.found)
+    put(best.counts)
     say(best.divisions)
     if best.log is None:
         raise DataError(f"{recording}: no usable stroke of at most {seconds:g} s was found; nothing was written.")

@@ -82,7 +82,7 @@ class CutRecording(NamedTuple):
         The chosen strokes as one recording; None where no stroke can be used.
     chosen
         Their number, length and times, in a sentence.
-    found
+    counts
         The number of strokes and of rests.
     divisions
         Where strokes are divided, one sentence for holds and one for strokes that are too long.
@@ -90,7 +90,7 @@ class CutRecording(NamedTuple):
 
     log: Log | None
     chosen: str
-    found: str
+    counts: str
     divisions: tuple[str, ...]
 
 
