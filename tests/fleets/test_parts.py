@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from clutchid.errors import DataError
 from clutchid.fleets.output import results_table
 from clutchid.fleets.parts import adopt, append
 from clutchid.fleets.plan import recording_states
@@ -136,6 +137,29 @@ def test_parts_of_another_process_are_taken_in_and_a_part_that_is_lost_is_writte
     shutil.rmtree(tmp_path / "here" / "recordings" / "date=2026-01-01")
     assert filled(tmp_path / "here", []).drop("written_at").equals(results.drop("written_at"))
     assert len(parts_of(tmp_path / "here")) == 3
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda path: path.write_bytes(path.read_bytes()[:-900]), "cannot be read as a part of the table"),
+        (lambda path: path.write_text("vehicle,recording"), "cannot be read as a part of the table"),
+        (
+            lambda path: pl.DataFrame({"vehicle": [1]}).write_parquet(path),
+            "is no part of this table .vehicle, recording",
+        ),
+        (
+            lambda path: pl.read_parquet(path).with_columns(written_at=pl.lit("today")).write_parquet(path),
+            "is no part of this table .written_at is missing or of another type",
+        ),
+    ],
+)
+def test_a_part_that_is_damaged_or_foreign_is_one_sentence(tmp_path, spoil, said):
+    filled(tmp_path, [row("r1"), row("r2", day=2)])
+    (tmp_path / "run.sqlite").unlink()
+    spoil(tmp_path / parts_of(tmp_path)[0])
+    with pytest.raises(DataError, match=f"recordings/date=2026-01-01/part-.*{said}.*; move it away, so that"):
+        filled(tmp_path, [])
 
 
 def test_further_columns_of_a_table_are_tags_of_its_rows(tmp_path):

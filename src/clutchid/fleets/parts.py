@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clutchid.errors import DataError
 from clutchid.fleets.storage import PARTS_FOLDER, Storage
 from clutchid.fleets.store import Store, StoredRow
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -51,7 +52,7 @@ def _columns() -> dict[str, Any]:
     }  # fmt: skip
 
 
-#: Columns of the load of a recording, lists of numbers; the record is what the index is made from again.
+#: Column of the record from which the row of the index is made again.
 _RECORD = "record"
 
 
@@ -141,14 +142,43 @@ def _part_name(date: str, rows: Iterable[str]) -> str:
     return f"{PARTS_FOLDER}/date={date or _NO_DATE}/part-{key}.parquet"
 
 
+def _read_part(storage: Storage, name: str) -> pl.DataFrame:
+    """The rows of a part.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or has other columns.
+    """
+    import polars as pl
+
+    try:
+        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+    except (OSError, pl.exceptions.PolarsError) as error:
+        reason = str(error).partition("\n")[0][:160]
+        raise DataError(f"{name}: cannot be read as a part of the table ({reason}); {_DELETE}") from error
+    needed = {name: kind for name, kind in schema().items() if name in _NEEDED}
+    wrong = [name for name, kind in needed.items() if table.schema.get(name) != kind]
+    if wrong:
+        raise DataError(
+            f"{name}: is no part of this table ({', '.join(wrong)} is missing or of another type); {_DELETE}"
+        )
+    return table
+
+
+#: Columns of a part that the index needs.
+_NEEDED = ("vehicle", "recording", "status", "sha256", "written_at", *LOAD_COLUMNS, _RECORD)
+
+#: Way out of a part that cannot be used.
+_DELETE = "move it away, so that its recordings are read again."
+
+
 def adopt(store: Store, storage: Storage) -> None:
     """Take into the index the rows of parts that it does not know: of another process, or after the index was lost.
 
     Of several rows of a recording the newest counts. What was in parts that are gone, and is in no other one, is
     written again.
     """
-    import polars as pl
-
     names, indexed = {name for name in storage.names(f"{PARTS_FOLDER}/") if _PART.fullmatch(name)}, store.parts()
     store.lose_parts(indexed.keys() - names)
     if not names - indexed.keys():
@@ -156,7 +186,7 @@ def adopt(store: Store, storage: Storage) -> None:
     newest = {key: (entry.read_at, "" if entry.part in names else _LOST) for key, entry in store.keys().items()}
     for name in sorted(names - indexed.keys()):
         rows = []
-        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+        table = _read_part(storage, name)
         for entry in table.iter_rows(named=True):
             row = _restored(entry)
             key, age = row[:2], (row.read_at, entry["written_at"].isoformat())
@@ -204,7 +234,7 @@ def _fold(store: Store, storage: Storage) -> None:
             small[match[1]].append(name)
     for date, names in small.items():
         if len(names) > 1:
-            tables = [pl.read_parquet(io.BytesIO(storage.read(name))) for name in names]
+            tables = [_read_part(storage, name) for name in names]
             table = pl.concat(tables, how="diagonal_relaxed").unique(["vehicle", "recording", _RECORD], keep="first")
             folded = table.sort("vehicle", "recording", "written_at")
             content = map(str, folded.select("vehicle", "recording", _RECORD).rows())
@@ -219,7 +249,7 @@ def rows_in_parts(storage: Storage, keys: Mapping[str, Sequence[tuple[str, str]]
     import polars as pl
 
     for name, own in keys.items():
-        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+        table = _read_part(storage, name)
         wanted = pl.DataFrame(own, {"vehicle": pl.String, "recording": pl.String}, orient="row")
         rows = table.drop(*LOAD_COLUMNS, _RECORD).join(
             wanted, on=["vehicle", "recording"], how="semi", maintain_order="left"
