@@ -114,6 +114,8 @@ def test_what_changes_is_another_row_and_the_newest_is_the_result(tmp_path):
     assert sorted(table_of(tmp_path)["shift_mm"]) == pytest.approx([0.1, 0.1, 0.2])
     (tmp_path / "run.sqlite").unlink()
     assert filled(tmp_path, []).equals(results), "the newest row counts without the index too"
+    with run_store(tmp_path, {}) as store:
+        assert store.keys()["V1", "r1"].read_at == changed.read_at
 
 
 def test_small_parts_of_a_date_are_folded_and_a_kill_in_between_leaves_nothing_twice(tmp_path):
