@@ -10,6 +10,7 @@ workers counts. Memory is that of this process, and of its largest worker, at th
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import tempfile
 import time
@@ -86,7 +87,7 @@ def measure(folder: Path, family: str, count: int, workers: Sequence[int]) -> No
             wall, seen = timed(
                 count, partial(read_all, Workers(number), partial(read_recording, Reading(), "fit"), todo, {}, results)
             )
-            seconds = [result.seconds for result in results.results()]
+            seconds = [json.loads(row.timing)[0] for row in results.pending()]
         alone = alone or wall * number
         print(
             f"{count:6,} recordings, {number} workers: {wall:7.1f} s, {count / wall:6.2f} a second, "
