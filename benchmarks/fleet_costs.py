@@ -106,7 +106,7 @@ def events(count: int, at: str) -> None:
             times.append(perf_counter())
             assert len(store.keys()) == count
         written, taken, folded = np.diff(times)
-        print(f"{count:,} parts of one row: written: {written:.1f} s, taken in {taken:.1f} s, folded: {folded:.1f} s s")
+        print(f"{count:,} parts of one row: written {written:.1f} s, taken in {taken:.1f} s, folded {folded:.1f} s")
 
 
 def main() -> None:
