@@ -173,6 +173,18 @@ def test_a_table_beside_the_objects_says_what_they_are(fleet, lake):
         ]  # fmt: skip
 
 
+def test_an_event_reads_its_object_and_the_table_and_lists_nothing(fleet, lake, monkeypatch):
+    monkeypatch.delattr(Objects, "stamps")
+    event = f"{fleet.address}/V1/r1.parquet", "cal.toml", f"{lake.address}/wear"
+    assert clutchid.fleet_once(*event, source=fleet.address)["strokes"] is None
+    fleet.write("recordings.csv", b"recording,vehicle,type,strokes\nr1,V1,T1,1000\n")
+    for source in (fleet.address, f"{fleet.address}/recordings.csv"):
+        row = clutchid.fleet_once(*event, source=source)
+        assert (row["status"], row["type"], row["strokes"]) == ("ok", "T1", 1000.0)
+    with pytest.raises(DataError, match=r"V1/gone.parquet: there is no such object"):
+        clutchid.fleet_once(f"{fleet.address}/V1/gone.parquet", *event[1:])
+
+
 def test_an_object_that_goes_or_changes_is_a_row_and_the_rest_goes_on(fleet, lake, monkeypatch):
     stamps = Objects.stamps
 

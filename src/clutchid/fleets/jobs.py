@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import date
 from os import PathLike
@@ -15,7 +16,7 @@ from typing import NamedTuple
 from clutchid.errors import DataError, ParameterError
 from clutchid.files import digest, is_there, not_an_address
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.storage import Objects, objects_at, path_of, run_of
+from clutchid.fleets.storage import NoObjectError, Objects, objects_at, path_of, run_of
 from clutchid.fleets.store import StoredRow
 from clutchid.messages import listed
 from clutchid.names import as_text
@@ -95,7 +96,7 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
         raise NoRecordingsError(no_recordings(str(source), beside))
     if all(job.path is None for job in located):
         raise NoRecordingsError(f"{source}: none of the files of its {len(located):,} recordings exists.")
-    calibrations = _calibrations(start)
+    calibrations = calibrations_of(start)
     located.sort(key=key_of)
     jobs = tuple(_with_calibration(job, calibrations) for job in located)
     if all(job.start is None for job in jobs):
@@ -122,9 +123,11 @@ def _files(source: Path) -> tuple[Path, _Rows, FolderContent]:
 
 def row_of(source: str | PathLike[str], job: RecordingJob) -> RecordingJob:
     """A recording with what the table of its fleet says of it, if there is one and it names the recording."""
-    objects = objects_at(source)
+    objects, rows = objects_at(source), None
     if objects:
-        rows = _objects(objects)[1]
+        objects, name = _table_place(objects)
+        with suppress(NoObjectError):  # no table
+            rows = _rows(objects, name, objects.stamp(name))
     else:
         path = path_of(source)
         table = path if path.is_file() else path / _TABLE
@@ -135,20 +138,29 @@ def row_of(source: str | PathLike[str], job: RecordingJob) -> RecordingJob:
 
 def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
     """Objects below an address, or beside a table there, each with a path that stands for it, and their stamps."""
-    name = source.name if source.name.endswith(".csv") else _TABLE
-    objects = Objects(source.address.rpartition("/")[0]) if name == source.name else source
+    objects, name = _table_place(source)
     stamps, root = objects.stamps(), objects.root
     if not stamps:
         raise NoRecordingsError(f"{source.address}: there are no objects.")
     runs = tuple({run for other in stamps if (run := run_of(other))})
     paths = [root / other for other in sorted(stamps) if not (runs and other.startswith(runs))]
     shown = [path for path in paths if path != root / name and not is_hidden(path.relative_to(root))]
-    rows = None
-    if name in stamps:
-        with objects.staged(name, stamps[name]) as table:
-            rows = read_fleet_table(table).values()
+    rows = _rows(objects, name, stamps[name]) if name in stamps else None
     by_path = {root / other: stamp for other, stamp in stamps.items()}
     return objects, rows, recordings_and_others(shown, len(stamps) - len(paths)), by_path
+
+
+def _table_place(source: Objects) -> tuple[Objects, str]:
+    """The objects of a fleet, and the name of its table among them, at an address of the fleet or of the table."""
+    if source.name.endswith(".csv"):
+        return Objects(source.address.rpartition("/")[0]), source.name
+    return source, _TABLE
+
+
+def _rows(objects: Objects, name: str, stamp: str) -> Collection[RecordingJob]:
+    """The rows of a table in an object."""
+    with objects.staged(name, stamp) as table:
+        return read_fleet_table(table).values()
 
 
 #: What is said of vehicles of one name.
@@ -197,7 +209,7 @@ def _unlisted(listed: Iterable[RecordingJob], content: FolderContent) -> str:
     return f"not read, because the table does not name them: {by_suffix(beside)}." if beside else ""
 
 
-class _Calibrations(NamedTuple):
+class Calibrations(NamedTuple):
     """Calibrations by type or vehicle, each with the date from which it holds, in order; or the one of all.
 
     A name without a date holds from the beginning, and has an empty one.
@@ -235,13 +247,13 @@ class _Calibrations(NamedTuple):
         return same[0], ""
 
 
-def _calibrations(start: Path) -> _Calibrations:
+def calibrations_of(start: Path) -> Calibrations:
     """Calibrations by type or vehicle, or the one of all."""
     not_an_address(start, "--start")
     if not is_there(start):
         raise ParameterError(f"--start {start}: there is no such file or folder.")
     if start.is_file():
-        return _Calibrations(start)
+        return Calibrations(start)
     by_name: dict[str, list[tuple[str, Path]]] = defaultdict(list)
     for name, path in by_own_name(start, ".toml").items():
         owner, _, text = name.rpartition("@")
@@ -251,7 +263,7 @@ def _calibrations(start: Path) -> _Calibrations:
         raise ParameterError(
             f"--start {start}: has no calibrations (TYPE.toml); `clutchid calibrate --save` writes them."
         )
-    return _Calibrations(start, {name: sorted(several) for name, several in by_name.items()})
+    return Calibrations(start, {name: sorted(several) for name, several in by_name.items()})
 
 
 def _date(text: str) -> str:
@@ -268,7 +280,7 @@ def by_own_name(folder: Path, suffix: str) -> dict[str, Path]:
     return {as_text(path.relative_to(folder).as_posix()).removesuffix(suffix): path for path in paths}
 
 
-def _with_calibration(job: RecordingJob, calibrations: _Calibrations, date_in_file: str = "") -> RecordingJob:
+def _with_calibration(job: RecordingJob, calibrations: Calibrations, date_in_file: str = "") -> RecordingJob:
     """A recording with its calibration, or with the problem that there is none; its date may be known from its file."""
     start, problem = calibrations.of(job, date_in_file)
     if start is not None or job.path is None:
@@ -278,17 +290,13 @@ def _with_calibration(job: RecordingJob, calibrations: _Calibrations, date_in_fi
 
 def with_own_calibration(job: RecordingJob, start: Path) -> RecordingJob:
     """A recording with its calibration, which is that of all or of its vehicle or type."""
-    return _with_calibration(job, _calibrations(start))
+    return _with_calibration(job, calibrations_of(start))
 
 
-def has_dates(start: Path) -> bool:
-    """Whether a calibration holds from a date only."""
-    return _calibrations(start).has_dates
-
-
-def with_known(fleet: Fleet, start: Path, keys: Mapping[tuple[str, str], StoredRow], *, missing: bool) -> Fleet:
+def with_known(
+    fleet: Fleet, calibrations: Calibrations, keys: Mapping[tuple[str, str], StoredRow], *, missing: bool
+) -> Fleet:
     """A fleet whose calibrations hold on the dates in its index; with `missing` also what has no file any more."""
-    calibrations = _calibrations(start)
     jobs = list(fleet.jobs)
     if calibrations.has_dates:
         dates = {key: entry.date for key, entry in keys.items()}

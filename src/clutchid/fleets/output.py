@@ -20,6 +20,7 @@ from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.cluster import version_and_source
+from clutchid.fleets.jobs import key_of
 from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
 from clutchid.fleets.plan import RecordingKey, RecordingState, readings_of
 from clutchid.fleets.storage import Storage
@@ -68,15 +69,11 @@ def results_table(states: Sequence[RecordingState], store: Store, storage: Stora
             special += [stored_row(state.job, reading) for state, reading in rows if not state.is_plain]
     tables = [recordings_frame(special, whole=False), *rows_in_parts(storage, parts)]
     table = pl.concat(tables, how="diagonal_relaxed")
-    keys = [(*_key(state), state.file_gone) for state in states]
+    keys = [(*key_of(state.job), state.file_gone) for state in states]
     listed = pl.DataFrame(keys, {"vehicle": pl.String, "recording": pl.String, "file_gone": pl.Boolean}, orient="row")
     table = listed.join(table, on=["vehicle", "recording"], how="left", maintain_order="left")
     tags = [name for name in table.columns if name.startswith("tag_")]
     return table.select(*schema(tags, whole=False), "file_gone")
-
-
-def _key(state: RecordingState) -> RecordingKey:
-    return state.job.vehicle, state.job.recording
 
 
 def _by_vehicle(states: Sequence[RecordingState]) -> Iterator[tuple[str, list[RecordingState]]]:

@@ -190,7 +190,7 @@ class Objects(NamedTuple):
         try:
             yield
         except FileNotFoundError as error:
-            raise kind(f"{where}: there is no such object.") from error
+            raise (NoObjectError if kind is DataError else kind)(f"{where}: there is no such object.") from error
         except PreconditionError as error:
             raise kind(f"{where}: {_STALE}") from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
@@ -211,6 +211,10 @@ _STALE = "has changed or was deleted since it was listed; run the same command a
 
 #: Where credentials come from.
 _CREDENTIALS = "credentials and endpoint are those of the environment, see docs/commands/fleet.md."
+
+
+class NoObjectError(DataError):
+    """An object that is not there."""
 
 
 class _UnsteadyError(DataError):

@@ -20,8 +20,8 @@ from clutchid.fleets.jobs import (
     Fleet,
     NoRecordingsError,
     by_own_name,
+    calibrations_of,
     fleet_of,
-    has_dates,
     key_of,
     with_dependencies,
     with_known,
@@ -46,6 +46,7 @@ from clutchid.names import as_text
 from clutchid.verbs.folders import STORE
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.start import content_of
+from clutchid.verbs.tracking import WEAR_TABLE
 from clutchid.verbs.wear_reading import read_recording
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import LifeLimits
@@ -190,11 +191,9 @@ def fleet(
         before = times_of(folder) if places.target else {}
         adopt(base, storage)
         keys = base.keys()
-        read, states = 0, list[RecordingState]()
-        for _ in range(2 if has_dates(calibrations) else 1):  # the dates in files are known when they have been read
-            listed = with_dependencies(
-                with_known(listed, calibrations, keys, missing=not forget_missing), reading, work.how
-            )
+        read, states, by_date = 0, list[RecordingState](), calibrations_of(calibrations)
+        for _ in range(2 if by_date.has_dates else 1):  # the dates in files are known when they have been read
+            listed = with_dependencies(with_known(listed, by_date, keys, missing=not forget_missing), reading, work.how)
             if share:
                 listed = listed._replace(jobs=tuple(job for job in listed.jobs if share.has(job.vehicle)))
             if not listed.jobs and not share:
@@ -381,17 +380,13 @@ class _WearTables(NamedTuple):
     def unused(self, rows: Sequence[VehicleRow]) -> str:
         """Warning of tables that belong to no vehicle and no type."""
         names = sorted({*self.by_name} - {row.name for row in rows} - {row.type for row in rows})
-        files = listed_names((f"{name}{_WEAR}" for name in names), 3)
+        files = listed_names((f"{name}{WEAR_TABLE}" for name in names), 3)
         return f"{files}: no vehicle and no type has that name, so that it is not used." if names else ""
-
-
-#: End of the name of a table of wear, beside the calibration of its vehicle or type.
-_WEAR = ".wear.csv"
 
 
 def _wear_tables(start: Path) -> _WearTables:
     """The tables of wear beside calibrations."""
     if start.is_dir():
-        return _WearTables({name: read_wear_table(path) for name, path in by_own_name(start, _WEAR).items()})
-    path = start.with_suffix(_WEAR)
+        return _WearTables({name: read_wear_table(path) for name, path in by_own_name(start, WEAR_TABLE).items()})
+    path = start.with_suffix(WEAR_TABLE)
     return _WearTables({}, read_wear_table(path) if path.is_file() else None)

@@ -48,7 +48,7 @@ def folder_content(folder: Path, apart: Collection[Path] = ()) -> FolderContent:
 
 
 def recordings_and_others(files: Iterable[Path], results: int) -> FolderContent:
-    """Files of a folder without its results, of which there are so many."""
+    """Recordings and other files of a folder, beside a number of results of clutchid."""
     recordings: list[Path] = []
     others: list[Path] = []
     for path in files:
