@@ -142,8 +142,8 @@ def _part_name(date: str, rows: Iterable[str]) -> str:
     return f"{PARTS_FOLDER}/date={date or _NO_DATE}/part-{key}.parquet"
 
 
-def _read_part(storage: Storage, name: str) -> pl.DataFrame:
-    """The rows of a part.
+def _read_part(storage: Storage, name: str, *, whole: bool = True) -> pl.DataFrame:
+    """The rows of a part, without loads and records if it is not to be `whole`.
 
     Raises
     ------
@@ -153,17 +153,17 @@ def _read_part(storage: Storage, name: str) -> pl.DataFrame:
     import polars as pl
 
     try:
-        table = pl.read_parquet(io.BytesIO(storage.read(name)))
+        rows = pl.scan_parquet(io.BytesIO(storage.read(name)))
+        kinds = rows.collect_schema()
+        needed = {column: kind for column, kind in schema().items() if column in _NEEDED}
+        wrong = [column for column, kind in needed.items() if kinds.get(column) != kind]
+        if not wrong:
+            return (rows if whole else rows.drop(*LOAD_COLUMNS, _RECORD)).collect()
     except (OSError, pl.exceptions.PolarsError) as error:
         reason = str(error).partition("\n")[0][:160]
         raise DataError(f"{name}: cannot be read as a part of the table ({reason}); {_DELETE}") from error
-    needed = {name: kind for name, kind in schema().items() if name in _NEEDED}
-    wrong = [name for name, kind in needed.items() if table.schema.get(name) != kind]
-    if wrong:
-        raise DataError(
-            f"{name}: is no part of this table ({', '.join(wrong)} is missing or of another type); {_DELETE}"
-        )
-    return table
+    columns = ", ".join(wrong)
+    raise DataError(f"{name}: is no part of this table ({columns} is missing or of another type); {_DELETE}")
 
 
 #: Columns of a part that the index needs.
@@ -249,9 +249,7 @@ def rows_in_parts(storage: Storage, keys: Mapping[str, Sequence[tuple[str, str]]
     import polars as pl
 
     for name, own in keys.items():
-        table = _read_part(storage, name)
+        table = _read_part(storage, name, whole=False)
         wanted = pl.DataFrame(own, {"vehicle": pl.String, "recording": pl.String}, orient="row")
-        rows = table.drop(*LOAD_COLUMNS, _RECORD).join(
-            wanted, on=["vehicle", "recording"], how="semi", maintain_order="left"
-        )
+        rows = table.join(wanted, on=["vehicle", "recording"], how="semi", maintain_order="left")
         yield rows.unique(["vehicle", "recording"], keep="last", maintain_order=True)
