@@ -8,7 +8,7 @@ from clutchid.estimation.assess.comparison import half_load
 from clutchid.truck import truck
 from clutchid.verbs.reading import Reading
 from clutchid.verbs.virtual_fleet import LOAD_POSITIONS, engaging, load_at_positions
-from clutchid.verbs.wear_reading import read_recording
+from clutchid.verbs.wear_reading import later_calibrations, read_recording
 from clutchid.wear.history import RecordingJob
 
 WEAR = 1.5e-3
@@ -83,3 +83,19 @@ def test_auto_observes_what_records_its_supply_and_shows_no_fault_and_estimates_
         assert auto._replace(curve=None) == alone._replace(curve=None), name
     assert read(folder, "auto", "slow").message == read(folder, "estimate", "slow").message
     assert "cannot wait for the next sample" in read(folder, "observe", "slow").message
+
+
+@pytest.mark.slow
+def test_a_later_calibration_of_a_worn_clutch_lies_from_the_first_by_its_wear(folder):
+    worn = clutchid.drive(truck(1), seconds=15.0, seed=3, wear=WEAR, conditions=True).log
+    later = clutchid.parameter_file(clutchid.calibrate(worn))
+    clutchid.write_parameters(later, folder / "cal@2026-05-01.toml")
+    (folder / "none@2026-06-01.toml").write_text("[parameters]\n")
+    starts = [folder / name for name in ("cal.toml", "cal@2026-05-01.toml", "none@2026-06-01.toml")]
+    offsets = later_calibrations(starts)
+    assert [*offsets] == starts[1:]
+    change, (shift, load) = offsets[starts[1]], true_change()
+    both = 3.0 * np.sqrt(2.0)  # the first calibration has as large an error as the later one
+    assert abs(change.shift - shift) < both * change.shift_std < 0.3e-3
+    assert abs(change.load - load) < both * change.load_std < 0.1
+    assert offsets[starts[2]].shift_std > 1e-3, "without a load its offset is not known"

@@ -188,11 +188,10 @@ def later_calibrations(starts: Sequence[Path]) -> dict[Path, LaterCalibration]:
     first, *others = (_calibration(path, digest(path)) for path in starts)
     later = {}
     for path, other in zip(starts[1:], others, strict=True):
-        load, travel = other.calibration and calibrated_curve(other.actuator, other.calibration), None
-        if other.calibration and other.calibration.travel:
-            travel = other.calibration.travel.reach
-        reach = float(load.position[-1]) if load and travel is None else travel
-        change = compared(first.actuator, first.calibration, load, reach) if load and reach else None
+        calibration, change = other.calibration, None
+        if calibration and (load := calibrated_curve(other.actuator, calibration)):
+            reach = calibration.travel.reach if calibration.travel else float(load.position[-1])
+            change = compared(first.actuator, first.calibration, load, reach)
         values = change_of(change) if change else None
         later[path] = LaterCalibration(*values) if values else _UNKNOWN
     return later
