@@ -54,6 +54,7 @@ def test_the_columns_of_every_table_are_those_that_were_promised(tmp_path):
     tables = {
         "recordings": tmp_path / parts_of(tmp_path)[0], "results": tmp_path / "results.parquet",
         "vehicles": tmp_path / "vehicles.parquet", "vehicle": own, "load": own.with_suffix(".load.parquet"),
+        "types": tmp_path / "types.parquet", "replacements": tmp_path / "replacements.parquet",
     }  # fmt: skip
     for name, path in tables.items():
         lines += [f"{name}: {column} {kind}" for column, kind in pl.read_parquet_schema(path).items()]
@@ -180,7 +181,7 @@ def test_duckdb_reads_every_table_as_it_was_written(tmp_path):
     newest = f"SELECT *, row_number() OVER (PARTITION BY vehicle, recording ORDER BY written_at DESC) AS n FROM {parts}"
     ((count, peak),) = duckdb.sql(f"SELECT count(*), max(peak_N) FROM ({newest}) WHERE n = 1").fetchall()
     assert (count, peak) == (42, table_of(tmp_path)["peak_N"].max())
-    for name in ("results", "vehicles"):
+    for name in ("results", "vehicles", "types", "replacements"):
         rows = duckdb.sql(f"SELECT * FROM '{tmp_path / name}.parquet'")
         assert rows.columns == pl.read_parquet(tmp_path / f"{name}.parquet").columns
 
@@ -189,9 +190,12 @@ def test_delta_takes_every_table_as_it_was_written(tmp_path):
     deltalake = pytest.importorskip("deltalake", reason="deltalake is not installed")
     write_fleet(tmp_path)
     for name, table in (
-        ("recordings", table_of(tmp_path)), ("results", pl.read_parquet(tmp_path / "results.parquet")),
-        ("vehicles", pl.read_parquet(tmp_path / "vehicles.parquet")),
-    ):  # fmt: skip
+        ("recordings", table_of(tmp_path)),
+        *(
+            (name, pl.read_parquet(tmp_path / f"{name}.parquet"))
+            for name in ("results", "vehicles", "types", "replacements")
+        ),
+    ):
         deltalake.write_deltalake(str(tmp_path / "lake" / name), table.to_arrow(), mode="append")
         stored = pl.from_arrow(deltalake.DeltaTable(str(tmp_path / "lake" / name)).to_pyarrow_table())
         assert stored.columns == table.columns

@@ -7,8 +7,8 @@ import pytest
 
 from clutchid.documents.wear_rows import alarm_words, change_words, left_words, recordings_words
 from clutchid.wear.history import Leak, RecordingJob, WearReading
-from clutchid.wear.life import LifeLimits, remaining, to_estimate, wear_of
-from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable, growth_noise
+from clutchid.wear.life import LifeLimits, to_estimate, wear_of
+from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
 from fixtures.lives import leaking_life, life, reading
 
 #: 1 mm of shift in 1e7 strokes.
@@ -185,26 +185,6 @@ def test_the_wear_of_the_facing_needs_a_table():
     shorter = life_of(0.05 * true, table, limit=0.1e-3, loads=20.0 * true)
     assert shorter.limit == pytest.approx(2e-3)
     assert "wear" not in life_of(0.05 * true).then
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_what_is_left_agrees_with_sampled_lives(sign):
-    mean, std = sign * np.array([0.1e-3, 3e-10]), np.array([2e-5, 1e-10])
-    covariance = np.outer(std, std) * [[1.0, 0.8], [0.8, 1.0]]
-    random, count = np.random.default_rng(1), 80_000
-    value, rate = random.multivariate_normal(mean, covariance, count).T
-    left = remaining("shift", mean, covariance, sign * 0.2e-3, 1e6)
-    for share, ahead in ((0.05, left.low), (0.5, left.median)):
-        walk = np.sqrt(growth_noise("shift", 1e6, ahead)[0, 0]) * random.standard_normal(count)
-        passed = np.mean(sign * (value + rate * ahead + walk) >= 0.2e-3)
-        assert passed == pytest.approx(share, abs=5 * np.sqrt(share * (1 - share) / count))
-
-
-def test_a_limit_that_is_passed_or_out_of_sight_is_said():
-    covariance = np.diag([1e-6, 1e-13]) ** 2
-    assert remaining("shift", np.array([0.3e-3, 1e-10]), covariance, 0.2e-3, 1e6).median == 0.0
-    away = remaining("shift", np.array([0.0, -7e-9]), covariance, 0.2e-3, 1e6)
-    assert away.median == float("inf")
 
 
 def test_what_the_trend_does_not_expect_or_an_alarm_names_is_estimated_in_the_order_of_the_life():

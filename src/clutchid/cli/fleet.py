@@ -87,6 +87,7 @@ def fleet(
     table: Annotated[Flag, FLEET] = False,
     part: Annotated[str, FLEET] = "",
     once: Annotated[str, FLEET] = "",
+    within: Annotated[str, FLEET] = "",
     files: FileOptions = USUAL_FILES,
     json: OutputFlag = False,
     debug: OutputFlag = False,
@@ -131,6 +132,9 @@ def fleet(
     once
         Read only this recording, a file or an address as an event names it, and append its row; the same event twice
         is one row. The next run without --once makes the tables.
+    within
+        With track: print the vehicles by the probability that they reach the limit within a distance, a time, or by a
+        day: 20000km, 90d or 2027-03-01.
     json
         Print one JSON object on standard output.
     debug
@@ -150,10 +154,10 @@ def fleet(
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, by=by, place=place, limit=shift, retry=retry, fail_share=fail_share,
-            forget_missing=forget_missing, table=table, part=part, ambient=ambient, channels=files.map, dbc=dbc,
-            command=typed(sys.argv[1:]), progress=progress,
+            forget_missing=forget_missing, table=table, part=part, within=within, ambient=ambient,
+            channels=files.map, dbc=dbc, command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
-    _say(run, part, as_json=json)
+    _say(run, part, within, as_json=json)
     return FAILED if run.failure else DONE
 
 
@@ -174,7 +178,7 @@ def _say_row(row: Mapping[str, object], *, as_json: bool) -> None:
     put(printable_lines(f"{row['vehicle']}, {row['recording']}: {row['status']}. {row['message']}".strip()))
 
 
-def _say(run: FleetRun, part: str, *, as_json: bool) -> None:
+def _say(run: FleetRun, part: str, within: str, *, as_json: bool) -> None:
     """Print how many recordings there are by status, and what was written."""
     statuses, vehicles = run.statuses, run.vehicles
     count, where = sum(statuses.values()), run.out if isinstance(run.out, str) else run.out.resolve().as_posix()
@@ -190,6 +194,7 @@ def _say(run: FleetRun, part: str, *, as_json: bool) -> None:
                 "read": run.read,
                 "out": where,
                 "warnings": list(run.warnings),
+                **({"due": [row._asdict() for row in run.due]} if within else {}),
             }
         )
         return
@@ -199,6 +204,28 @@ def _say(run: FleetRun, part: str, *, as_json: bool) -> None:
         put(printable_lines(f"clutchid: {run.failure}"), to=sys.stderr)
     tables = f"part {part}; a run without --part makes the tables" if part else f"{printable(where)}/index.html"
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {tables}")
+    if within:
+        put(_due_lines(run, within))
+
+
+#: Vehicles that are listed as due in a terminal, and the least probability of one.
+_LISTED, _LEAST = 10, 0.01
+
+
+def _due_lines(run: FleetRun, within: str) -> str:
+    """The vehicles that may be due within a horizon, the most probable first."""
+    due = [row for row in run.due if row.probability >= _LEAST]
+    if not run.due:
+        return f"due within {within}: not known, as no vehicle has a limit of its wear and a known use (--limit)."
+    expected = sum(row.probability for row in run.due)
+    lines = [f"due within {within}: {expected:.1f} of {len(run.due):,} vehicles expected"]
+    for row in due[:_LISTED]:
+        bands = [(band, unit) for band, unit in ((row.left_km, "km"), (row.left_days, "days")) if band.value >= 0.0]
+        left = " or ".join(f"{band.low:,.0f} to {band.high:,.0f} {unit}".replace("inf", "∞") for band, unit in bands)
+        kind = f" ({printable(row.type)})" if row.type else ""
+        lines.append(f"  {100 * row.probability:3.0f} %  {printable(row.vehicle)}{kind}: {left} left")
+    more = len(due) - _LISTED
+    return "\n".join([*lines, f"  and {more:,} more with at least 1 %"] if more > 0 else lines)
 
 
 def _seconds(timeout: float) -> float:

@@ -26,6 +26,10 @@ class ReasonCount(NamedTuple):
     example: str
 
 
+#: An unknown interval.
+_UNKNOWN = Interval(*[float("nan")] * 3)
+
+
 class VehicleRow(NamedTuple):
     """A vehicle: its recordings, and its clutch at the last one with 95 % bands; NaN is unknown.
 
@@ -36,6 +40,10 @@ class VehicleRow(NamedTuple):
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
     ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
     some do not count.
+
+    With a limit of a `quantity` also the forecast with the vehicles of its `pool`: `left_days` and `left_km` as
+    `left`, probabilities
+    `within` the horizons of `clutchid.wear.due` (km, then days) and `by_month`; `evidence` is what it is made from.
     """
 
     name: str
@@ -55,11 +63,52 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
     reasons: tuple[ReasonCount, ...] = ()
+    pool: str = ""
+    quantity: str = "shift"
+    evidence: str = ""
+    left_days: Interval = _UNKNOWN
+    left_km: Interval = _UNKNOWN
+    within: tuple[float, ...] = ()
+    by_month: tuple[float, ...] = ()
 
     @property
     def has_result(self) -> int:
         """Number of its recordings that were read."""
         return sum(number for status, number in self.statuses.items() if status in ("ok", "warning"))
+
+
+class TypeRow(NamedTuple):
+    """Vehicles of a type with a forecast, and what they share: medians of vehicles with their 90 % spread.
+
+    `rate` is that of wear, or else of shift, in m per stroke, km, day or recording, as `axis` says; `per_day` and
+    `per_km` are strokes, km or recordings a day and a km. `learnt` is False for fewer vehicles than can be pooled.
+    `noise` is the standard deviation of independent errors as a share of the usual one, `walk` that of the rate over a
+    life as a share of the usual rate.
+    """
+
+    name: str
+    vehicles: int
+    learnt: bool
+    axis: Axis
+    rate: Interval
+    per_day: Interval
+    per_km: Interval
+    noise: float
+    walk: float
+
+
+class ReplacementRow(NamedTuple):
+    """Expected replacements in a month from each vehicle's last recording on, with their 95 % interval.
+
+    They are those of the vehicles whose tag `name` has a `value`; of all where both are empty.
+    """
+
+    name: str
+    value: str
+    month: int
+    expected: float
+    low: float
+    high: float
 
 
 class Spans(NamedTuple):

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.documents import FleetWear, WornClutch, document_of, write_page
-from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
+from clutchid.documents.fleet_tables import ReasonCount, TypeRow, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.cluster import version_and_source
+from clutchid.fleets.forecasts import FleetForecast
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
 from clutchid.fleets.plan import RecordingKey, RecordingState, readings_of
@@ -29,6 +30,7 @@ from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
 from clutchid.verbs.wear_reading import later_calibrations
 from clutchid.wear.columns import SIDES, banded
+from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, to_estimate, wear_of
 from clutchid.wear.trend import Interval
@@ -37,7 +39,9 @@ if TYPE_CHECKING:
     import polars as pl
 
 #: Files of a run beside its index, and the folder of the files of its vehicles.
-RESULTS, VEHICLES, _INDEX, _FILES = "results.parquet", "vehicles.parquet", "index.html", "vehicles"
+RESULTS, VEHICLES, TYPES, REPLACEMENTS, _INDEX, _FILES = (
+    "results.parquet", "vehicles.parquet", "types.parquet", "replacements.parquet", "index.html", "vehicles",
+)  # fmt: skip
 
 #: Most recordings of which a table is written in one file without being asked for.
 MOST_ROWS = 100_000
@@ -187,16 +191,17 @@ def _packed(value: object) -> object:
 
 def _restored(text: str) -> VehicleRow:
     """The row of a vehicle from its text."""
-    row = VehicleRow(*json.loads(text))
+    row = VehicleRow(*json.loads(text))  # without a forecast, which is made anew with those of the other vehicles
     return row._replace(
         last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
         load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
         warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
+        left_days=UNKNOWN_INTERVAL, left_km=UNKNOWN_INTERVAL, within=(), by_month=(),
     )  # fmt: skip
 
 
-def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends: bool) -> None:
-    """Write the page of a fleet, and with `trends` the table of its vehicles.
+def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool) -> None:
+    """Write the page of a fleet, and with `trends` the tables of its vehicles, types and replacements.
 
     Raises
     ------
@@ -205,10 +210,20 @@ def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends:
     """
     import polars as pl
 
+    rows = fleet.rows
     if trends:
-        table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema(), orient="row")
-        write_bytes(part_content(table.fill_nan(None)), out / VEHICLES)
-    write_page(document_of(FleetWear(rows, _reasons(rows)), command), out / _INDEX)
+        for file, schema_of, listed in (
+            (VEHICLES, _vehicle_schema(), map(_listed, rows)),
+            (TYPES, _type_schema(), map(_listed_type, fleet.types)),
+            (
+                REPLACEMENTS,
+                _replacement_schema(),
+                (dict(zip(_replacement_schema(), row, strict=True)) for row in fleet.replacements),
+            ),
+        ):
+            table = pl.DataFrame(list(listed), schema=schema_of, orient="row")
+            write_bytes(part_content(table.fill_nan(None)), out / file)
+    write_page(document_of(FleetWear(rows, _reasons(rows), fleet.types, fleet.replacements), command), out / _INDEX)
 
 
 def _file_name(vehicle: str, taken: set[str]) -> str:
@@ -240,12 +255,57 @@ def _row(wear: Wear, page: str) -> VehicleRow:
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
-        wear.warnings, _reasons_of(wear),
+        wear.warnings, _reasons_of(wear), _pool(wear.rows[0].job),
+        "shift" if wear.end_of_table is None else "wear", wear.evidence.packed if wear.evidence else "",
     )  # fmt: skip
+
+
+def _pool(job: RecordingJob) -> str:
+    """The vehicles that are forecast together: of a type, or else of a calibration."""
+    return job.type or (job.start.stem if job.start else "")
 
 
 #: Axes of lives that have a unit, and the name of one.
 _AXES = {"strokes": "stroke", "km": "km", "days": "day"}
+
+
+#: Columns of the probabilities to reach the limit within a horizon.
+_WITHIN = (
+    *(f"p_within_{km:.0f}_km" for km in WITHIN_KM), *(f"p_within_{days:.0f}_days" for days in WITHIN_DAYS),
+)  # fmt: skip
+
+
+def _type_schema() -> dict[str, Any]:
+    """Columns of the table of types; medians of vehicles with their 90 % spread."""
+    import polars as pl
+
+    bands = [f"rate_mm_per_{span}" for span in _AXES.values()]
+    bands += [f"{axis}_per_{use}" for use in ("day", "km") for axis in _AXES if axis[:3] != use[:3]]
+    return {
+        "type": pl.String, "vehicles": pl.Int64, "is_learnt": pl.Boolean, "axis": pl.String,
+        **{f"{name}{side}": pl.Float64 for name in bands for side in SIDES},
+        "noise_share": pl.Float64, "walk_share": pl.Float64,
+    }  # fmt: skip
+
+
+def _listed_type(row: TypeRow) -> dict[str, object]:
+    """A type as a row of a table."""
+    numbers: dict[str, object] = {}
+    if row.axis in _AXES:
+        numbers |= banded(f"rate_mm_per_{_AXES[row.axis]}", row.rate, factor=1e3)
+        numbers |= banded(f"{row.axis}_per_day", row.per_day) | banded(f"{row.axis}_per_km", row.per_km)
+    own = {"type": row.name, "vehicles": row.vehicles, "is_learnt": row.learnt, "axis": row.axis}
+    columns = _type_schema()
+    shares = {"noise_share": row.noise, "walk_share": row.walk}
+    return own | {name: value for name, value in numbers.items() if name in columns} | shares
+
+
+def _replacement_schema() -> dict[str, Any]:
+    """Columns of the table of replacements."""
+    import polars as pl
+
+    numbers = dict.fromkeys(("expected", "low", "high"), pl.Float64)
+    return {"tag": pl.String, "value": pl.String, "month": pl.Int64, **numbers}
 
 
 def _vehicle_schema() -> dict[str, Any]:
@@ -258,6 +318,7 @@ def _vehicle_schema() -> dict[str, Any]:
         "vehicle": pl.String, "type": pl.String, "recordings": pl.Int64, "counted": pl.Int64,
         "last": pl.Datetime("us", "UTC"), "axis": pl.String,
         **{f"{name}{side}{unit}": pl.Float64 for name, unit in bands for side in SIDES},
+        **dict.fromkeys(_WITHIN, pl.Float64),
         **{f"rate_mm_per_{span}": pl.Float64 for span in _AXES.values()}, "limit_mm": pl.Float64,
         **dict.fromkeys(("alarms", "warnings", "file"), pl.String),
     }  # fmt: skip
@@ -272,6 +333,9 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
         **banded("wear", row.wear, "_mm", 1e3), **banded("load_change", row.load, "_percent", 100.0),
         **(banded(f"left_{row.axis}", row.left) if own else {}),
         **({f"rate_mm_per_{_AXES[row.axis]}": 1e3 * row.rate} if own else {}),
+        **({f"left_{name}{end}": side for name, band in (("days", row.left_days), ("km", row.left_km))
+            for end, side in zip(SIDES, band, strict=True)} if row.within else {}),
+        **dict(zip(_WITHIN, row.within, strict=False)),
         "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
         "file": row.page.removesuffix(".html"),
     }  # fmt: skip

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
+from itertools import groupby
 from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -16,6 +17,7 @@ from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.fleets.cluster import ONE_WORKER, Workers
+from clutchid.fleets.forecasts import DueVehicle, forecast_of, horizon_of
 from clutchid.fleets.jobs import (
     Fleet,
     NoRecordingsError,
@@ -72,6 +74,8 @@ class FleetRun:
         What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
     failure
         Why the run as a whole has failed, in a sentence; empty if it has not.
+    due
+        With `within`: vehicles by the probability that their clutch reaches the limit, the largest first.
 
     Examples
     --------
@@ -86,6 +90,7 @@ class FleetRun:
     out: Path | str
     warnings: tuple[str, ...] = ()
     failure: str = ""
+    due: tuple[DueVehicle, ...] = ()
 
 
 @checked
@@ -103,6 +108,7 @@ def fleet(
     forget_missing: bool = False,
     table: bool = False,
     part: str = "",
+    within: str = "",
     ambient: float | None = None,
     channels: str | PathLike[str] | None = None,
     dbc: Sequence[str | PathLike[str]] = (),
@@ -140,6 +146,9 @@ def fleet(
     part : text
         Read only the vehicles of a part of the fleet, such as "3/64", and write neither tables nor pages: several
         processes may each read a part, and a run without this option makes the tables of all.
+    within : text
+        With 'track': list the vehicles by the probability that they reach the limit within "20000km" or "90d" of their
+        last recording, or by a day such as "2027-03-01".
     ambient : Pa, optional
         Ambient pressure for gauge units; P_0 of each calibration by default.
     channels, dbc : paths
@@ -174,8 +183,10 @@ def fleet(
     >>> run.vehicles, run.read
     (1, 1)
     """
-    if limit is not None and verb != "track":
-        raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
+    horizon = horizon_of(within)
+    if (limit is not None or horizon) and verb != "track":
+        option = "--limit" if horizon is None else "--within"
+        raise ParameterError(f"{option}: belongs to --verb track, which follows the wear.")
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
     places, calibrations = _places(source, out), Path(start)
@@ -216,14 +227,24 @@ def fleet(
             write_results(states, base, storage, folder)
         trends = verb == "track"
         rows = vehicles_of(states, base, limits, command, folder, trends=trends)
-        write_tables(rows, command, folder, trends=trends)
+        tags = [dict(own.tags) for own in _newest(states)]
+        forecast = forecast_of(rows, tags if trends else (), horizon)
+        write_tables(forecast, command, folder, trends=trends)
         if places.target:
             upload(folder, before, places.target)
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
     failure = _failure(rows, fail_share, named, trends=trends)
-    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure)
+    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure, forecast.due)
+
+
+def _newest(states: Sequence[RecordingState]) -> list[RecordingJob]:
+    """The newest recording of each vehicle that has tags, or else its first one, in the order of the vehicles."""
+    return [
+        max((state.job for state in own), key=lambda job: (bool(job.tags), job.begin.timestamp() if job.begin else 0.0))
+        for _, own in groupby(states, key=lambda state: state.job.vehicle)
+    ]
 
 
 class _Work(NamedTuple):

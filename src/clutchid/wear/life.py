@@ -15,7 +15,10 @@ from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
+from clutchid.wear.due import forecast
+from clutchid.wear.evidence import Evidence, evidence_of
 from clutchid.wear.history import Axis, RecordingJob, WearReading, arranged
+from clutchid.wear.pooling import pooled
 from clutchid.wear.trend import (
     CHANNELS,
     GROWTH,
@@ -26,7 +29,6 @@ from clutchid.wear.trend import (
     LaterCalibration,
     TrendModel,
     WearTable,
-    growth_noise,
     smoothed_states,
     traced,
     trend_model,
@@ -35,12 +37,6 @@ from clutchid.wear.trend import (
 
 #: An unknown interval.
 UNKNOWN_INTERVAL = Interval(*[float("nan")] * 3)
-
-#: Quantiles of a forecast: its 90 % interval and its median.
-_QUANTILES = (0.05, 0.5, 0.95)
-
-#: Horizon of a forecast in lives.
-_HORIZON = 5.0
 
 
 class Remaining(NamedTuple):
@@ -59,41 +55,14 @@ class Remaining(NamedTuple):
     high: float
 
 
-def remaining(name: str, mean: FloatArray, covariance: FloatArray, limit: float, life: float) -> Remaining:
-    """Remaining life until a quantity reaches `limit`, from its value and rate now.
+#: Least limit in standard deviations of the error that the readings of a calibration share. A guess.
+_ERRORS = 3.0
 
-    The probability to have reached it by then is that the trend is beyond it, which must not decrease.
-
-    Parameters
-    ----------
-    name
-        A row of `clutchid.wear.trend.GROWTH`.
-    mean, covariance
-        Of value and rate, (2,) and (2, 2).
-    limit
-        Value that ends the life; below 0 if the quantity falls.
-    life
-        How much of s a life has.
-    """
-    sign = 1.0 if limit >= 0 else -1.0
-    ahead = np.concatenate([[0.0], np.geomspace(1e-4, _HORIZON, 600)]) * life
-    value = mean[0] + mean[1] * ahead
-    noise = np.array([growth_noise(name, life, float(ds))[0, 0] for ds in ahead])
-    variance = covariance[0, 0] + 2 * ahead * covariance[0, 1] + ahead**2 * covariance[1, 1] + noise
-    reached = np.maximum.accumulate(special.ndtr(sign * (value - limit) / np.sqrt(variance)))
-    return Remaining(*(_first(reached, ahead, quantile) for quantile in _QUANTILES))
-
-
-def _first(reached: FloatArray, ahead: FloatArray, quantile: float) -> float:
-    """Distance ahead at which the probability first reaches a quantile."""
-    if reached[0] >= quantile:
-        return 0.0
-    if reached[-1] < quantile:
-        return float("inf")
-    k = int(np.argmax(reached >= quantile))
-    share = (quantile - reached[k - 1]) / (reached[k] - reached[k - 1])
-    return float(ahead[k - 1] + share * (ahead[k] - ahead[k - 1]))
-
+#: Why a limit says nothing of what is left.
+_WITHIN_ERROR = (
+    "the limit of {:.3f} mm is within the error of the calibration, {:.3f} mm, so what is left is not known; a table "
+    "of wear (TYPE.wear.csv) also uses the load."
+)
 
 #: Outcomes of the measurements that count in the trend.
 COUNTED_OUTCOMES = ("used", "jump")
@@ -163,6 +132,8 @@ class Wear:
         Largest wear in the table, at which the result is cut off; None without a table.
     waiting
         Numbers of the outliers that may be the first recording of a change.
+    evidence
+        What the recordings say of wear and use, for a forecast with others of its type; None where `left` is.
 
     Examples
     --------
@@ -190,6 +161,7 @@ class Wear:
     apart: tuple[tuple[RecordingJob, WearReading], ...] = ()
     end_of_table: float | None = None
     waiting: frozenset[int] = frozenset()
+    evidence: Evidence | None = None
 
     @property
     def recordings(self) -> int:
@@ -304,10 +276,17 @@ def wear_of(
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
         return wear
-    q = 2 * model.quantities.index(name)
-    mean, covariance = _mixed(shares, [states[-1] for states in filtered])
-    left = remaining(name, mean[q : q + 2], covariance[q : q + 2, q : q + 2], end, life)
-    return replace(wear, left=left)
+    evidence = evidence_of(model, history, measurements, paths[0].steps, (name, end))
+    if not evidence.limit > _ERRORS * evidence.constant:
+        error = 1e3 * evidence.constant * GROWTH[name].rate
+        return replace(wear, warnings=(*wear.warnings, _WITHIN_ERROR.format(1e3 * end, error)))
+    return replace(wear, evidence=evidence, left=_left(evidence, life))
+
+
+def _left(evidence: Evidence, life: float) -> Remaining:
+    """What is left of a clutch by its own recordings alone."""
+    alone = Evidence(*(part[None] for part in evidence))
+    return Remaining(*(life * forecast(alone, pooled(alone)).left[0]).tolist())
 
 
 def to_estimate(wear: Wear) -> tuple[RecordingJob, ...]:

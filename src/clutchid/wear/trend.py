@@ -270,7 +270,7 @@ def _interpolated(x: FloatArray, values: FloatArray) -> _Function:
 
 def traced(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
     """The paths along recordings at `s`, in order, the most probable first; missing measurements are only predicted."""
-    tracks = [_Track(0.0, *_start(model, measurements), _Used(0.0, 0), ())]
+    tracks = [_Track(0.0, *start_of(model, measurements), _Used(0.0, 0), ())]
     measured: list[int] = []
     last = 0.0
     for k, (at, now) in enumerate(zip(s, measurements, strict=True)):
@@ -457,7 +457,7 @@ class _Corrected(NamedTuple):
     deviance: float
 
 
-def _start(model: TrendModel, measurements: Sequence[Measurement | None]) -> tuple[FloatArray, FloatArray]:
+def start_of(model: TrendModel, measurements: Sequence[Measurement | None]) -> tuple[FloatArray, FloatArray]:
     """The state before the first recording; the errors of a reader are as large as its first measurement says."""
     variances = np.zeros(model.size)
     for q, name in enumerate(model.quantities):
@@ -537,17 +537,13 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     """The state after a measurement; functions are linearised over the width of the state after it, iterated."""
     values = np.array([now.shift, now.load])
     stds = now.shift_std, now.load_std
-    shares, (constant, by_temperature) = SHARES_BY[now.by], model.errors_by(now.by)
+    shares, errors = SHARES_BY[now.by], errors_in(model, now)
     R = np.diag([scale * (shares[name].independent * std) ** 2 for name, std in zip(CHANNELS, stds, strict=True)])
-    warmer = (now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0
     after, covariance, H = mean, P, np.zeros((values.size, model.size))
     for _ in range(_ITERATIONS):
         before = H
-        H, offset = _linearised(model, after, covariance)
-        H[:, by_temperature] = warmer * np.eye(values.size)
-        H[:, constant] = np.eye(values.size)
-        if now.calibration:
-            H[:, model.offsets(now.calibration)] = np.eye(values.size)
+        slopes, offset = linearised(model, after, covariance)
+        H = slopes + errors
         if np.all(np.abs(H - before) <= _CONVERGED * np.abs(H)):
             break
         innovation = values - offset - H @ mean
@@ -558,7 +554,18 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
     return _Corrected(after, covariance, innovation, S, float(innovation @ np.linalg.solve(S, innovation)))
 
 
-def _linearised(model: TrendModel, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+def errors_in(model: TrendModel, now: Measurement) -> FloatArray:
+    """By how much each error in the state adds to the channels of a measurement, (channels, state)."""
+    H, each = np.zeros((len(model.channels), model.size)), np.eye(len(model.channels))
+    constant, by_temperature = model.errors_by(now.by)
+    H[:, by_temperature] = each * ((now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0)
+    H[:, constant] = each
+    if now.calibration:
+        H[:, model.offsets(now.calibration)] = each
+    return H
+
+
+def linearised(model: TrendModel, mean: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slopes of the channels without their errors, (channels, state), over the width of a state, and their offsets."""
     H, offset = np.zeros((len(model.channels), model.size)), np.zeros(len(model.channels))
     for c, (q, function) in enumerate(model.channels):

@@ -1,0 +1,225 @@
+"""Due dates of many vehicles whose readings are DRAWN from measured errors of a reading, against the truth.
+
+    python benchmarks/due_drawn.py --family A --vehicles 10000 --first 8
+    python benchmarks/due_drawn.py --family B --vehicles 2000 --days 90 --axis km
+
+Service of `--months` with a recording every `--days`; each vehicle is cut off at `--lives` of them, chosen by chance in
+the middle part of its service, and forecast with the vehicles of its type: until the shift of a worn clutch, or with
+`--table` until the end of the table of wear. A clutch that is replaced early within a horizon is not counted there.
+
+Printed: probability within days and km in five bins against the share that came true, with its binomial 95 % interval,
+and the Brier score; how often 90 % intervals of what is left in strokes, days and km hold, and how wide they are; both
+with the types and by each vehicle alone; at 25, 50 and 75 % of a life: the share of vehicles whose median is within
+20 and 50 % of the truth (alpha-lambda), and the relative accuracy (1 - error / truth; Saxena et al., 2010, Int. Journal
+of Prognostics and Health Management 1, 4); and replacements of all vehicles in a month.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+from wear_drawn import drawn, jobs, table_of, truth
+
+from clutchid.log import FloatArray
+from clutchid.truck.service import WORN_OUT, Visit, visits
+from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM, Forecast, forecast, replacements
+from clutchid.wear.evidence import Evidence
+from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.life import LifeLimits, wear_of
+from clutchid.wear.pooling import pooled
+from clutchid.wear.trend import LIFE, WearTable
+
+#: Shares of a life at which forecasts are judged.
+SHARES = (0.25, 0.5, 0.75)
+
+
+class Clutch(NamedTuple):
+    """A clutch of a vehicle: its first and last recording, and strokes, days and km at which it is worn out.
+
+    NaN where it was replaced before, or lasts longer than the service.
+    """
+
+    first: int
+    last: int
+    ends: FloatArray
+
+
+class Case(NamedTuple):
+    """A vehicle cut off: its type, its evidence, strokes, days and km that were left, and since when it is known.
+
+    `left` is NaN where the end was not seen; then the clutch lasted at least `seen`.
+    """
+
+    number: int
+    evidence: Evidence
+    left: FloatArray
+    seen: FloatArray
+
+
+def places(service: Sequence[Visit]) -> FloatArray:
+    """Strokes, days and km of recordings, (n, 3)."""
+    begin = service[0].begin
+    return np.array([(v.strokes, (v.begin - begin).total_seconds() / 86400, v.odometer) for v in service])
+
+
+def clutches(service: Sequence[Visit], limit: float) -> list[Clutch]:
+    """The clutches of a vehicle, and where each reaches a wear of `limit`."""
+    starts = [0, *(k for k, v in enumerate(service) if k and v.event == "clutch replaced")]
+    where, result = places(service), []
+    for first, after in zip(starts, [*starts[1:], None], strict=True):
+        last = (after or len(service)) - 1
+        ends = np.full(3, np.nan)
+        if after and last > first:
+            rate = (service[last].wear - service[first].wear) / (where[last] - where[first])
+            ahead = (limit - service[last].wear) / rate
+            if ahead[0] <= where[after, 0] - where[last, 0]:  # else replaced early
+                ends = where[last] + np.clip(ahead, 0.0, where[after] - where[last])
+        result.append(Clutch(first, last, ends))
+    return result
+
+
+def case(
+    service: Sequence[Visit], readings: Sequence[WearReading], at: int, ends: FloatArray, limits: LifeLimits, axis: str
+) -> Case | None:
+    """A vehicle as it is known at recording `at`; None without a forecast."""
+    wear = wear_of("", jobs_on(service[: at + 1], axis), list(readings[: at + 1]), limits)
+    where = places(service)
+    last = next((k for k in range(at + 1, len(service)) if service[k].event == "clutch replaced"), len(service)) - 1
+    return wear.evidence and Case(service[0].number, wear.evidence, ends - where[at], where[last] - where[at])
+
+
+def jobs_on(service: Sequence[Visit], axis: str) -> list[RecordingJob]:
+    """Recordings with strokes, or with km only."""
+    rows = jobs(service)
+    return rows if axis == "strokes" else [replace(row, strokes=float("nan")) for row in rows]
+
+
+def stacked(cases: Sequence[Case]) -> Evidence:
+    """The evidence of some vehicles."""
+    return Evidence(*(np.stack(column) for column in zip(*(row.evidence for row in cases), strict=True)))
+
+
+def forecasts(cases: Sequence[Case], *, alone: bool) -> Forecast:
+    """The forecasts of vehicles in their order, with others of their type or each alone."""
+    groups: dict[int, list[int]] = defaultdict(list)
+    for i, row in enumerate(cases):
+        groups[row.number].append(i)
+    order = [i for rows in groups.values() for i in rows]
+    parts = []
+    for rows in groups.values():
+        evidence = stacked([cases[i] for i in rows])
+        if alone:
+            single = [Evidence(*(part[[k]] for part in evidence)) for k in range(len(rows))]
+            parts += [forecast(one, pooled(one)) for one in single]
+        else:
+            parts.append(forecast(evidence, pooled(evidence)))
+    back = np.argsort(order)
+    return Forecast(*(np.concatenate(column)[back] for column in zip(*parts, strict=True)))
+
+
+def print_within(name: str, shares: FloatArray, came: FloatArray, counts: FloatArray) -> None:
+    """Probabilities against what came true, in five bins."""
+    p, y = shares[counts], came[counts]
+    words = []
+    for k in range(5):
+        own = (p >= k / 5) & ((p < (k + 1) / 5) | (k == 4))
+        if own.sum():
+            low, high = stats.binomtest(int(y[own].sum()), int(own.sum())).proportion_ci()
+            words.append(
+                f"{100 * p[own].mean():.0f}: {100 * y[own].mean():.0f} ({100 * low:.0f}-{100 * high:.0f}; {own.sum()})"
+            )
+    brier, by_mean = np.mean((p - y) ** 2), y.mean() * (1 - y.mean())
+    print(f"  within {name}: {', '.join(words)}; Brier {brier:.4f}, by the mean {by_mean:.4f}")
+
+
+def report(cases: Sequence[Case], axis: str, *, alone: bool) -> None:
+    """Print how forecasts compare with the truth."""
+    table = forecasts(cases, alone=alone)
+    left, seen = np.array([row.left for row in cases]), np.array([row.seen for row in cases])
+    print(f"{'alone' if alone else 'with its type'}, {len(cases)} vehicles:")
+    first = 0 if axis == "strokes" else 2
+    for words, horizons, shares, q in (
+        ("days", WITHIN_DAYS, table.within_days, 1),
+        ("km", WITHIN_KM, table.within_km, 2),
+    ):
+        for k, horizon in enumerate(horizons):
+            came = left[:, q] <= horizon
+            counts = came | (left[:, q] > horizon) | (seen[:, q] > horizon)
+            print_within(f"{horizon:g} {words}", shares[:, k], came, counts)
+    for words, bands, q in (
+        (axis, LIFE[axis] * table.left, first),
+        ("days", table.left_days, 1),
+        ("km", table.left_km, 2),
+    ):
+        known = np.isfinite(left[:, q])
+        inside = (bands[:, 0] <= left[:, q]) & (left[:, q] <= bands[:, 2])
+        below, above = (100 * np.mean(side[known]) for side in (left[:, q] < bands[:, 0], left[:, q] > bands[:, 2]))
+        width = np.median((bands[known, 2] - bands[known, 0]) / np.maximum(left[known, q], 1.0))
+        print(f"  left in {words}: {100 * inside[known].mean():.0f} % of {known.sum()} in 90 %, {below:.0f} % sooner, "
+              f"{above:.0f} % later; width {width:.2f} of the truth")  # fmt: skip
+    month = replacements(table.by_month, table.common)
+    came = [int(np.sum((left[:, 1] > 30.4375 * k) & (left[:, 1] <= 30.4375 * (k + 1)))) for k in range(12)]
+    print("  replacements by month, expected (interval) true: " + ", ".join(
+        f"{e:.0f} ({a:.0f}-{b:.0f}) {n}" for e, a, b, n in zip(*month, came, strict=True)))  # fmt: skip
+
+
+def print_accuracy(share: float, cases: Sequence[Case]) -> None:
+    """Alpha-lambda and relative accuracy at a share of the life."""
+    table = forecasts(cases, alone=False)
+    for words, median, q in (("strokes or km", None, 0), ("days", table.left_days[:, 1], 1)):
+        true = np.array([row.left[q] for row in cases])
+        middle = table.left[:, 1] * LIFE["strokes"] if median is None else median
+        error = np.abs(middle - true) / true
+        near = ", ".join(f"within {100 * alpha:.0f} % {100 * np.mean(error <= alpha):.0f}" for alpha in (0.2, 0.5))
+        print(f"  at {100 * share:.0f} % of life, {words}: {len(cases)}, {near}, accuracy {1 - np.median(error):.2f}")
+
+
+def main() -> None:
+    """Draw, forecast, compare."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--family", default="A", choices=("A", "B"))
+    for name, usual in (("vehicles", 1000), ("first", 0), ("types", 4), ("seed", 5000)):
+        parser.add_argument(f"--{name}", type=int, default=usual)
+    for name, number in (("months", 48.0), ("days", 7.0), ("odd", 0.0)):
+        parser.add_argument(f"--{name}", type=float, default=number)
+    parser.add_argument("--table", action="store_true")
+    parser.add_argument("--axis", default="strokes", choices=("strokes", "km"))
+    options = parser.parse_args()
+    random = np.random.default_rng(options.seed)
+    size = (options.vehicles, options.months, options.family, options.first, options.types, options.seed, options.days)
+    tables = {n: table_of(options.family, n) for n in range(options.first, options.first + options.types)}
+    cases: list[Case] = []
+    at_share: dict[float, list[Case]] = defaultdict(list)
+    for service in visits(*size):
+        table = tables[service[0].number]
+        worn = WORN_OUT * float(table.wear[-1])
+        ends = WearTable(*(np.append(v[table.wear < worn], np.interp(worn, table.wear, v)) for v in table))
+        limits = LifeLimits(table=ends) if options.table else LifeLimits(float(ends.shift[-1]))
+        readings = drawn(service, truth(service, table, 0.0, random), options.odd, random)
+        at = int(random.integers(len(service) // 4, 3 * len(service) // 4))
+        lives = clutches(service, worn)
+        own = next(c for c in lives if c.first <= at <= c.last)
+        cases += [row for row in [case(service, readings, at, own.ends, limits, options.axis)] if row]
+        whole = next((c for c in lives if np.isfinite(c.ends[0])), None)
+        for share in SHARES if whole else ():
+            strokes = np.array([v.strokes for v in service])
+            begin = strokes[whole.first]
+            k = int(np.searchsorted(strokes, begin + share * (whole.ends[0] - begin)))
+            if k < whole.last:
+                at_share[share] += [
+                    row for row in [case(service, readings, k, whole.ends, limits, options.axis)] if row
+                ]
+    for alone in (False, True):
+        report(cases, options.axis, alone=alone)
+    for share, rows in at_share.items():
+        print_accuracy(share, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+r"""What the vehicles of a type share: variances of wear and use, and how rates and uses are spread (empirical Bayes).
+
+The rate of a vehicle is log-normal, :math:`\log r_i \sim N(m, t^2)`, its use likewise; m and t are those of largest
+density given all vehicles (expectation maximisation on a grid of logarithms), the nodes of the variances are weighed by
+the evidence of all vehicles together. V(m) as Hartung and Knapp have it (Statistics in Medicine 20, 3875, 2001).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from clutchid.log import FloatArray
+from clutchid.wear.evidence import USE_NODES, USUAL_USE, WEAR_NODES, WIDE_LEVEL, WIDE_RATE, Evidence, UseNode, WearNode
+
+
+class Guess(NamedTuple):
+    """What is assumed before vehicles of a type teach it: a node of the variances, mean and spread of a logarithm."""
+
+    node: WearNode | UseNode
+    mean: float
+    spread: float
+
+
+#: Of the rate, in usual wear a life, and of the use in its nodes: a third to three times of the usual. Guesses.
+RATE_GUESS = Guess(WearNode(1.0, 0.4, 0.05), float(np.log(0.6)), 0.9)
+USE_GUESSES = tuple(Guess(UseNode(0.2, 0.1), float(usual), 0.6) for usual in USUAL_USE)
+
+#: Vehicles from which a type is pooled; fewer have the guess.
+POOLED = 4
+
+#: Vehicles that the guess of a spread is worth, and the spread that they have: between one half and double.
+_WORTH, _SPREAD = 2.0, 0.5
+
+#: Spread of the logarithms of the variances around the guessed ones, in factors.
+_FACTOR = 4.0
+
+#: Most vehicles from which the variances of a type are learnt: more would not change their weights.
+_ENOUGH = 2000
+
+#: Logarithms of rates, in usual wear a life.
+_GRID = np.linspace(np.log(3e-3), np.log(30.0), 121)
+
+_ITERATIONS = 30
+
+
+class Spread(NamedTuple):
+    """How a logarithm is spread over the vehicles of a type, by node of its variances.
+
+    Attributes
+    ----------
+    weight : (nodes,)
+        Posterior probability.
+    mean, error, std : (nodes,)
+        Mean with its standard deviation, and the spread of the vehicles around it.
+    """
+
+    weight: FloatArray
+    mean: FloatArray
+    error: FloatArray
+    std: FloatArray
+
+    @property
+    def of_new(self) -> FloatArray:
+        """Standard deviation of a vehicle that has told nothing yet, (nodes,)."""
+        return np.hypot(self.std, self.error)
+
+    @property
+    def best(self) -> int:
+        """The most probable node."""
+        return int(np.argmax(self.weight))
+
+
+class TypePool(NamedTuple):
+    """What `vehicles` of a type share: their rates, and their uses a day and a km."""
+
+    vehicles: int
+    rate: Spread
+    use: tuple[Spread, Spread]
+
+    @property
+    def is_guess(self) -> bool:
+        """Whether there are too few vehicles to learn from."""
+        return self.vehicles < POOLED
+
+
+def pooled(evidence: Evidence) -> TypePool:
+    """What vehicles of a type share; see `Evidence`."""
+    count = evidence.limit.size
+    some = np.unique(np.linspace(0, count - 1, min(count, _ENOUGH)).astype(int))
+    own = Evidence(*(part[some] for part in evidence))
+    uses = [_use(own.use[:, q], guess) for q, guess in enumerate(USE_GUESSES)]
+    return TypePool(count, _rate(own.wear), (uses[0], uses[1]))
+
+
+def _rate(wear: FloatArray) -> Spread:
+    """The spread of rates from `Evidence.wear` of the vehicles."""
+    guess, likelihood = RATE_GUESS, rate_likelihood(wear)
+    nodes, total = len(WEAR_NODES), wear[:, :, 0].sum(axis=0)
+    m, t = np.full(nodes, guess.mean), np.full(nodes, guess.spread)
+    if len(wear) >= POOLED:
+        for _ in range(_ITERATIONS):
+            m, t = _updated(*_moments(likelihood, m, t), t)
+    prior = _density(m, t)
+    evidence = total + np.log(np.einsum("inj,nj->in", likelihood, prior) + 1e-300).sum(axis=0)
+    _, variance = _moments(likelihood, m, t)
+    return Spread(_weights(evidence, WEAR_NODES, guess), m, _error(variance, t, len(wear)), t)
+
+
+def rate_likelihood(wear: FloatArray) -> FloatArray:
+    """Likelihood of the rates of the grid by vehicle and node, without their wide prior, (k, nodes, grid)."""
+    rate, mean, variance = np.exp(_GRID), wear[..., 2, None], wear[..., 4, None]
+    exponent = -((rate - mean) ** 2) / (2 * variance) + rate**2 / (2 * WIDE_RATE**2)
+    return np.exp(exponent - 0.5 * np.log(variance / WIDE_RATE**2))
+
+
+def rate_posterior(wear: FloatArray, spread: Spread, node: int) -> tuple[FloatArray, FloatArray]:
+    """Mean and standard deviation of the logarithm of each vehicle's rate at a node, (k,)."""
+    m, t = spread.mean[[node]], spread.of_new[[node]]
+    mean, variance = _moments(rate_likelihood(wear[:, [node]]), m, t)
+    return mean[:, 0], np.sqrt(variance[:, 0])
+
+
+def _moments(likelihood: FloatArray, m: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance of the logarithm of the rate of each vehicle, by node, (k, nodes)."""
+    weights = likelihood * _density(m, t) + 1e-300
+    weights /= weights.sum(axis=-1, keepdims=True)
+    mean = weights @ _GRID
+    return mean, weights @ _GRID**2 - mean**2
+
+
+def _density(m: FloatArray, t: FloatArray) -> FloatArray:
+    """The prior on the grid, (nodes, grid)."""
+    density = np.exp(-0.5 * ((_GRID - m[:, None]) / t[:, None]) ** 2)
+    return np.asarray(density / density.sum(axis=-1, keepdims=True))
+
+
+def _updated(mean: FloatArray, variance: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A step of expectation maximisation from the posterior moments of the vehicles."""
+    count = len(mean)
+    worth = (t / RATE_GUESS.spread) ** 2
+    centre = (mean.sum(axis=0) + worth * RATE_GUESS.mean) / (count + worth)
+    spread = (variance + (mean - centre) ** 2).sum(axis=0) + _WORTH * _SPREAD**2
+    return centre, np.sqrt(spread / (count + _WORTH))
+
+
+def _error(variance: FloatArray, t: FloatArray, count: int) -> FloatArray:
+    """Standard deviation of the mean of a type, from the posterior variances of its vehicles, (nodes,)."""
+    if count < POOLED:
+        return np.zeros_like(t)
+    information = np.maximum(1 / variance - 1 / t**2, 1e-12)
+    return np.asarray(1 / np.sqrt((1 / (t**2 + 1 / information)).sum(axis=0)))
+
+
+def _weights(evidence: FloatArray, nodes: tuple[WearNode, ...] | tuple[UseNode, ...], guess: Guess) -> FloatArray:
+    """Posterior probabilities of nodes from the logarithms of their evidence."""
+    factors = np.log(np.array(nodes) / np.array(guess.node)) / np.log(_FACTOR)
+    log = evidence - 0.5 * np.square(factors).sum(axis=1)
+    return np.asarray(special.softmax(log))
+
+
+def _use(use: FloatArray, guess: Guess) -> Spread:
+    """The spread of a use from its evidence (k, nodes, 3); vehicles whose use is not known say nothing."""
+    use = use[np.isfinite(use[:, 0, 1])]
+    nodes = len(USE_NODES)
+    m, t = np.full(nodes, guess.mean), np.full(nodes, guess.spread)
+    own, v = level_likelihood(use, guess)
+    error = np.zeros(nodes)
+    if len(use) >= POOLED:
+        for _ in range(_ITERATIONS):
+            gain = t**2 / (t**2 + v)
+            mean, variance = m + gain * (own - m), gain * v
+            worth = (t / guess.spread) ** 2
+            m = (mean.sum(axis=0) + worth * guess.mean) / (len(use) + worth)
+            spread = (variance + (mean - m) ** 2).sum(axis=0) + _WORTH * _SPREAD**2
+            t = np.sqrt(spread / (len(use) + _WORTH))
+        error = 1 / np.sqrt((1 / (t**2 + v)).sum(axis=0))
+    total = use[:, :, 0] + 0.5 * np.log((WIDE_LEVEL**2 + v) / (t**2 + v)) - 0.5 * (own - m) ** 2 / (t**2 + v)
+    total += 0.5 * (own - guess.mean) ** 2 / (WIDE_LEVEL**2 + v)
+    return Spread(_weights(total.sum(axis=0), USE_NODES, guess), m, error, t)
+
+
+def level_likelihood(use: FloatArray, guess: Guess) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance of the level of a use that a vehicle's own recordings say, without the wide prior."""
+    variance = 1 / np.maximum(1 / np.maximum(use[..., 2], 1e-12) - 1 / WIDE_LEVEL**2, 1e-9)
+    return variance * (use[..., 1] / np.maximum(use[..., 2], 1e-12) - guess.mean / WIDE_LEVEL**2), variance
+
+
+def level_posterior(use: FloatArray, spread: Spread, node: int, guess: Guess) -> tuple[FloatArray, FloatArray]:
+    """Mean and variance of the level of each vehicle's use at a node, (k,)."""
+    own, v = level_likelihood(use[:, node], guess)
+    gain = spread.of_new[node] ** 2 / (spread.of_new[node] ** 2 + v)
+    return spread.mean[node] + gain * (own - spread.mean[node]), gain * v
