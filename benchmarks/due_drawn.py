@@ -1,7 +1,12 @@
-"""Due dates of many vehicles whose readings are DRAWN from measured errors of a reading, against the truth.
+r"""Due dates of many vehicles against the truth, their readings DRAWN from measured errors of a reading, or read.
 
-    python benchmarks/due_drawn.py --family A --vehicles 10000 --first 8
+    python benchmarks/due_drawn.py --family A --vehicles 10000 --first 8 --days 28 --table
     python benchmarks/due_drawn.py --family B --vehicles 2000 --days 90 --axis km
+    python benchmarks/due_drawn.py --vehicles 100 --months 42 --days 90 --seed 72 --events --table \
+        --readings FILE.parquet
+
+Readings that were read are those of `clutchid fleet RESULT`, kept by `--keep RESULT --readings FILE.parquet`, of a
+fleet of `clutchid drive --fleet` with the same seed and `--events replaced,leak,sensor`.
 
 Service of `--months` with a recording every `--days`; each vehicle is cut off at `--lives` of them, chosen by chance in
 the middle part of its service, and forecast with the vehicles of its type: until the shift of a worn clutch, or with
@@ -17,26 +22,36 @@ of Prognostics and Health Management 1, 4); and replacements of all vehicles in 
 from __future__ import annotations
 
 import argparse
+import json
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 from scipy import stats
 from wear_drawn import drawn, jobs, table_of, truth
 
+from clutchid.documents.fleet_tables import VehicleRow
+from clutchid.fleets.forecasts import forecast_of
 from clutchid.log import FloatArray
-from clutchid.truck.service import WORN_OUT, Visit, visits
+from clutchid.truck.service import BY_CHANCE, EVENTS, WORN_OUT, Visit, visits
 from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM, Forecast, forecast, replacements
 from clutchid.wear.evidence import Evidence
-from clutchid.wear.history import RecordingJob, WearReading
+from clutchid.wear.history import RecordingJob, WearReading, restored
 from clutchid.wear.life import LifeLimits, wear_of
 from clutchid.wear.pooling import pooled
-from clutchid.wear.trend import LIFE, WearTable
+from clutchid.wear.trend import LIFE, Interval, WearTable
 
 #: Shares of a life at which forecasts are judged.
 SHARES = (0.25, 0.5, 0.75)
+
+
+#: A recording that is not among those that were kept.
+NOT_READ = WearReading("bad_input", "not read.", apart=True)
 
 
 class Clutch(NamedTuple):
@@ -123,6 +138,19 @@ def forecasts(cases: Sequence[Case], *, alone: bool) -> Forecast:
     return Forecast(*(np.concatenate(column)[back] for column in zip(*parts, strict=True)))
 
 
+def keep(result: Path, path: Path) -> None:
+    """Keep the readings of a fleet without their loads."""
+    table = pl.scan_parquet(result / "recordings" / "**" / "*.parquet").sort("written_at").collect()
+    rows = table.unique(["vehicle", "recording"], keep="last").sort("vehicle", "recording")
+    texts = [json.loads(record)[2] for record in rows["record"]]
+    pl.DataFrame({"recording": rows["recording"], "reading": texts}).write_parquet(path, compression="zstd")
+
+
+def read_again(path: Path) -> dict[str, WearReading]:
+    """The readings that were kept, by recording."""
+    return {name: restored(text, None) for name, text in pl.read_parquet(path).rows()}
+
+
 def print_within(name: str, shares: FloatArray, came: FloatArray, counts: FloatArray) -> None:
     """Probabilities against what came true, in five bins."""
     p, y = shares[counts], came[counts]
@@ -180,6 +208,23 @@ def print_accuracy(share: float, cases: Sequence[Case]) -> None:
         print(f"  at {100 * share:.0f} % of life, {words}: {len(cases)}, {near}, accuracy {1 - np.median(error):.2f}")
 
 
+def print_cost(cases: Sequence[Case], count: int) -> None:
+    """Time of the forecast of many vehicles, which are copies of some, from the texts of the index."""
+    unknown = Interval(*[float("nan")] * 3)
+    rows = [
+        VehicleRow(
+            f"V{k}", "", 1, 1, {"ok": 1}, None, unknown, unknown, unknown, 0.0, unknown, "strokes",
+            pool=f"T{k % 4}", evidence=cases[k % len(cases)].evidence.packed,
+        )
+        for k in range(count)
+    ]  # fmt: skip
+    begin, processor = perf_counter(), process_time()
+    forecast_of(rows)
+    print(
+        f"{count} vehicles of 4 types: {perf_counter() - begin:.1f} s, {process_time() - processor:.1f} s of a processor"
+    )
+
+
 def main() -> None:
     """Draw, forecast, compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -190,18 +235,32 @@ def main() -> None:
         parser.add_argument(f"--{name}", type=float, default=number)
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--axis", default="strokes", choices=("strokes", "km"))
+    parser.add_argument("--events", action="store_true", help="planned events, as of `drive --events`")
+    parser.add_argument("--readings", type=Path, help="readings of a fleet that was read")
+    parser.add_argument(
+        "--cost", type=int, default=0, help="only time the forecast of so many vehicles, from stored numbers"
+    )
+    parser.add_argument("--keep", type=Path, help="results of a fleet, whose readings are kept in --readings")
     options = parser.parse_args()
+    if options.keep:
+        keep(options.keep, options.readings)
+        return
+    stored = read_again(options.readings) if options.readings else {}
+    plan = BY_CHANCE._replace(events=EVENTS if options.events else ())
     random = np.random.default_rng(options.seed)
     size = (options.vehicles, options.months, options.family, options.first, options.types, options.seed, options.days)
     tables = {n: table_of(options.family, n) for n in range(options.first, options.first + options.types)}
     cases: list[Case] = []
     at_share: dict[float, list[Case]] = defaultdict(list)
-    for service in visits(*size):
+    for service in visits(*size, plan):
         table = tables[service[0].number]
         worn = WORN_OUT * float(table.wear[-1])
         ends = WearTable(*(np.append(v[table.wear < worn], np.interp(worn, table.wear, v)) for v in table))
         limits = LifeLimits(table=ends) if options.table else LifeLimits(float(ends.shift[-1]))
-        readings = drawn(service, truth(service, table, 0.0, random), options.odd, random)
+        if stored:
+            readings = [stored.get(visit.recording, NOT_READ) for visit in service]
+        else:
+            readings = drawn(service, truth(service, table, 0.0, random), options.odd, random)
         at = int(random.integers(len(service) // 4, 3 * len(service) // 4))
         lives = clutches(service, worn)
         own = next(c for c in lives if c.first <= at <= c.last)
@@ -215,6 +274,9 @@ def main() -> None:
                 at_share[share] += [
                     row for row in [case(service, readings, k, whole.ends, limits, options.axis)] if row
                 ]
+    if options.cost:
+        print_cost(cases, options.cost)
+        return
     for alone in (False, True):
         report(cases, options.axis, alone=alone)
     for share, rows in at_share.items():

@@ -218,3 +218,24 @@ def test_a_limit_within_the_error_of_the_calibration_has_no_forecast():
     assert wear.evidence is None
     assert "within the error" in wear.warnings[-1]
     assert replace(wear, limit=None).present["shift"].value < 20e-6
+
+
+def test_a_vehicle_with_one_recording_or_an_odometer_that_goes_back_is_forecast_with_the_others():
+    random = np.random.default_rng(11)
+    strokes, shifts, _ = steady(random, 3e-10)
+    km = 0.4 * strokes
+    back = km.copy()
+    back[10:] -= km[8]
+    wears = [vehicle(strokes, shifts, km=own) for own in (km, km, km, km, back)]
+    evidence = fleet_of([*wears, vehicle(strokes[:1], shifts[:1], km=km[:1])])
+    table = forecast(evidence, pooled(evidence))
+    assert table.left_km[4, 1] == pytest.approx(table.left_km[0, 1], rel=0.1)
+    assert table.left_km[5, 0] < 0.4e6 < table.left_km[5, 2]
+
+
+def test_a_fleet_of_new_clutches_has_no_end_in_sight_and_no_probability():
+    random = np.random.default_rng(12)
+    evidence = fleet_of([vehicle(*steady(random, 1e-13)[:2]) for _ in range(6)])
+    table = forecast(evidence, pooled(evidence))
+    assert np.isinf(table.left[:, 2]).all()
+    assert np.all(table.within_days < 1e-3)

@@ -9,7 +9,7 @@ from scipy import special
 
 from clutchid.log import FloatArray
 from clutchid.wear.evidence import USE_NODES, WEAR_NODES, Evidence
-from clutchid.wear.pooling import USE_GUESSES, Spread, TypePool, level_posterior, rate_posterior
+from clutchid.wear.pooling import LEAST_WEIGHT, USE_GUESSES, Spread, TypePool, level_posterior, rate_posterior
 
 #: Distances in km and times in days of which the probabilities are kept.
 WITHIN_KM, WITHIN_DAYS = (20e3, 50e3, 100e3), (90.0, 180.0, 365.0)
@@ -23,9 +23,6 @@ QUANTILES = (0.05, 0.5, 0.95)
 #: Horizon of a forecast in lives, and the distances at which it is computed.
 HORIZON = 5.0
 _AHEAD = np.concatenate([[0.0], np.geomspace(2e-3, HORIZON, 47)])
-
-#: Least weight of a node of the variances that counts.
-_LEAST = 0.01
 
 #: Vehicles at a time, for room.
 _CHUNK = 20_000
@@ -77,13 +74,15 @@ def forecast(evidence: Evidence, pool: TypePool) -> Forecast:
 def _forecast(evidence: Evidence, pool: TypePool) -> Forecast:
     months = np.asarray(MONTH * np.arange(1, MONTHS + 1), dtype=np.float64)
     reached, worse = reached_by(evidence, pool, _AHEAD), reached_by(evidence, pool, _AHEAD, offset=1.0)
-    days, km = (_by_use(reached, evidence, pool, q, _grid(q)) for q in (0, 1))
-    by_month = _by_use(reached, evidence, pool, 0, months)
+    n = _AHEAD.size
+    days, km = (
+        _by_use(reached, evidence, pool, q, np.concatenate([_grid(q), x]))
+        for q, x in enumerate(([*months, *WITHIN_DAYS], WITHIN_KM))
+    )
+    by_month = days[:, n : n + MONTHS]
     return Forecast(
-        _inverted(reached, _AHEAD), _inverted(days, _grid(0)), _inverted(km, _grid(1)),
-        _by_use(reached, evidence, pool, 0, np.array(WITHIN_DAYS)),
-        _by_use(reached, evidence, pool, 1, np.array(WITHIN_KM)),
-        by_month, _by_use(worse, evidence, pool, 0, months) - by_month,
+        _inverted(reached, _AHEAD), _inverted(days[:, :n], _grid(0)), _inverted(km[:, :n], _grid(1)),
+        days[:, n + MONTHS :], km[:, n:], by_month, _by_use(worse, evidence, pool, 0, months) - by_month,
     )  # fmt: skip
 
 
@@ -124,33 +123,37 @@ def reached_by(evidence: Evidence, pool: TypePool, ahead: FloatArray, offset: fl
 
 def _counting(spread: Spread) -> FloatArray:
     """Weights of the nodes, 0 for those that hardly count."""
-    weights = np.where(spread.weight >= _LEAST * spread.weight.max(), spread.weight, 0.0)
+    weights = np.where(spread.weight >= LEAST_WEIGHT * spread.weight.max(), spread.weight, 0.0)
     return np.asarray(weights / weights.sum())
 
 
 def _by_use(reached: FloatArray, evidence: Evidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
     """Probabilities by days (`q` = 0) or km (1) from those by distances ahead; NaN where the use is not known."""
     use, spread, guess = evidence.use[:, q], pool.use[q], USE_GUESSES[q]
-    total, weights = np.zeros((len(use), x.shape[-1])), _counting(spread)
+    days = x if q == 0 else x * np.exp(USE_GUESSES[1].mean - USE_GUESSES[0].mean)
+    share = np.minimum(np.nan_to_num(evidence.interval, nan=MONTH)[:, None] / np.maximum(days, 1e-9), 1.0)
+    mean, square = np.zeros((len(use), 1)), np.zeros((len(use), x.shape[-1]))
+    weights = _counting(spread)
     for n in np.flatnonzero(weights):
-        node = USE_NODES[n]
-        mean, variance = level_posterior(use, spread, int(n), guess)
-        days = x if q == 0 else x * np.exp(USE_GUESSES[1].mean - USE_GUESSES[0].mean)
-        share = np.minimum(np.nan_to_num(evidence.interval, nan=MONTH)[:, None] / np.maximum(days, 1e-9), 1.0)
-        exact = use[:, n, 2] == 0.0
-        noise = np.where(exact[:, None], 0.0, node.walk**2 * days / 3 / 365.25 + node.scatter**2 * share)
-        sd = np.sqrt(variance[:, None] + noise)
-        for z, weight in zip(*_USES, strict=True):
-            total += weights[n] * weight * _interpolated(reached, x * np.exp(mean[:, None] + sd * z))
-    return total
+        node, (level, variance) = USE_NODES[n], level_posterior(use, spread, int(n), guess)
+        is_exact = use[:, n, 2, None] == 0.0
+        noise = np.where(is_exact, 0.0, node.walk**2 * days / 3 / 365.25 + node.scatter**2 * share)
+        mean += weights[n] * level[:, None]
+        square += weights[n] * (level[:, None] ** 2 + variance[:, None] + noise)
+    sd = np.sqrt(np.maximum(square - mean**2, 0.0))
+    nodes = (weight * _interpolated(reached, x * np.exp(mean + sd * z)) for z, weight in zip(*_USES, strict=True))
+    return np.asarray(sum(nodes))
 
 
 def _interpolated(reached: FloatArray, ahead: FloatArray) -> FloatArray:
-    """Probabilities at a vehicle's own distances ahead, (k, n)."""
-    ahead = np.minimum(ahead, _AHEAD[-1])
-    after = np.clip(np.searchsorted(_AHEAD, np.nan_to_num(ahead)), 1, _AHEAD.size - 1)
-    share = (ahead - _AHEAD[after - 1]) / (_AHEAD[after] - _AHEAD[after - 1])
-    low, high = (np.take_along_axis(reached, at, axis=1) for at in (after - 1, after))
+    """Probabilities at a vehicle's own distances ahead, (k, n); NaN where the distance is."""
+    with np.errstate(divide="ignore"):
+        place = 1.0 + (np.log(ahead) - np.log(_AHEAD[1])) / np.log(_AHEAD[2] / _AHEAD[1])
+    after = np.clip(np.ceil(np.nan_to_num(place, nan=1.0)), 1, _AHEAD.size - 1).astype(np.intp)
+    share = np.minimum((ahead - _AHEAD[after - 1]) / (_AHEAD[after] - _AHEAD[after - 1]), 1.0)
+    first = np.arange(len(reached))[:, None] * reached.shape[1]
+    flat = reached.ravel()
+    low, high = flat[first + after - 1], flat[first + after]
     return np.asarray(low + share * (high - low))
 
 

@@ -37,11 +37,17 @@ _WORTH, _SPREAD = 2.0, 0.5
 #: Spread of the logarithms of the variances around the guessed ones, in factors.
 _FACTOR = 4.0
 
-#: Most vehicles from which the variances of a type are learnt: more would not change their weights.
-_ENOUGH = 2000
+#: Most vehicles from which the variances of a type are learnt, and the spread of its rates: more hardly change them.
+_ENOUGH, _MANY = 400, 4000
+
+#: Least weight of a node of the variances that counts.
+LEAST_WEIGHT = 0.01
 
 #: Logarithms of rates, in usual wear a life.
 _GRID = np.linspace(np.log(3e-3), np.log(30.0), 121)
+
+#: Standard deviation of a logarithm below which a rate is not resolved by the grid.
+_STEP = 0.5 * float(_GRID[1] - _GRID[0])
 
 _ITERATIONS = 30
 
@@ -89,29 +95,43 @@ class TypePool(NamedTuple):
 def pooled(evidence: Evidence) -> TypePool:
     """What vehicles of a type share; see `Evidence`."""
     count = evidence.limit.size
-    some = np.unique(np.linspace(0, count - 1, min(count, _ENOUGH)).astype(int))
-    own = Evidence(*(part[some] for part in evidence))
-    uses = [_use(own.use[:, q], guess) for q, guess in enumerate(USE_GUESSES)]
-    return TypePool(count, _rate(own.wear), (uses[0], uses[1]))
+    uses = [_use(_some(evidence.use[:, q], _MANY), guess) for q, guess in enumerate(USE_GUESSES)]
+    rate = _rate(_some(evidence.wear, _ENOUGH))
+    if count > _ENOUGH:
+        nodes = np.flatnonzero(rate.weight >= LEAST_WEIGHT * rate.weight.max())
+        wear = _some(evidence.wear[:, nodes], _MANY)
+        for part, finer in zip(rate[1:], _spread(rate_likelihood(wear)), strict=True):
+            part[nodes] = finer
+    return TypePool(count, rate, (uses[0], uses[1]))
+
+
+def _some(rows: FloatArray, most: int) -> FloatArray:
+    """Vehicles out of all, evenly."""
+    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int))])
 
 
 def _rate(wear: FloatArray) -> Spread:
     """The spread of rates from `Evidence.wear` of the vehicles."""
     guess, likelihood = RATE_GUESS, rate_likelihood(wear)
-    nodes, total = len(WEAR_NODES), wear[:, :, 0].sum(axis=0)
-    m, t = np.full(nodes, guess.mean), np.full(nodes, guess.spread)
-    if len(wear) >= POOLED:
+    m, error, t = _spread(likelihood)
+    shares = np.log(np.einsum("inj,nj->in", likelihood, _density(m, t)) + 1e-300)
+    return Spread(_weights((wear[:, :, 0] + shares).sum(axis=0), WEAR_NODES, guess), m, error, t)
+
+
+def _spread(likelihood: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean with its standard deviation, and spread, of the logarithms of rates by node, from those of vehicles."""
+    count, nodes = likelihood.shape[:2]
+    m, t = np.full(nodes, RATE_GUESS.mean), np.full(nodes, RATE_GUESS.spread)
+    if count >= POOLED:
         for _ in range(_ITERATIONS):
             m, t = _updated(*_moments(likelihood, m, t), t)
-    prior = _density(m, t)
-    evidence = total + np.log(np.einsum("inj,nj->in", likelihood, prior) + 1e-300).sum(axis=0)
-    _, variance = _moments(likelihood, m, t)
-    return Spread(_weights(evidence, WEAR_NODES, guess), m, _error(variance, t, len(wear)), t)
+    return m, _error(_moments(likelihood, m, t)[1], t, count), t
 
 
 def rate_likelihood(wear: FloatArray) -> FloatArray:
     """Likelihood of the rates of the grid by vehicle and node, without their wide prior, (k, nodes, grid)."""
     rate, mean, variance = np.exp(_GRID), wear[..., 2, None], wear[..., 4, None]
+    variance = variance + (_STEP * rate) ** 2
     exponent = -((rate - mean) ** 2) / (2 * variance) + rate**2 / (2 * WIDE_RATE**2)
     return np.exp(exponent - 0.5 * np.log(variance / WIDE_RATE**2))
 
