@@ -40,7 +40,7 @@ from clutchid.fleets.forecasts import forecast_of
 from clutchid.log import FloatArray
 from clutchid.truck.service import BY_CHANCE, EVENTS, WORN_OUT, Visit, visits
 from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM, Forecast, forecast, replacements
-from clutchid.wear.evidence import Evidence
+from clutchid.wear.evidence import LifeEvidence
 from clutchid.wear.history import RecordingJob, WearReading, restored
 from clutchid.wear.life import LifeLimits, wear_of
 from clutchid.wear.pooling import pooled
@@ -66,13 +66,13 @@ class Clutch(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A vehicle cut off: its type, its evidence, strokes, days and km that were left, and since when it is known.
+    """A vehicle cut off: its type, its evidence, strokes, days and km that were left, and for how long it was seen.
 
     `left` is NaN where the end was not seen; then the clutch lasted at least `seen`.
     """
 
     number: int
-    evidence: Evidence
+    evidence: LifeEvidence
     left: FloatArray
     seen: FloatArray
 
@@ -115,9 +115,9 @@ def jobs_on(service: Sequence[Visit], axis: str) -> list[RecordingJob]:
     return rows if axis == "strokes" else [replace(row, strokes=float("nan")) for row in rows]
 
 
-def stacked(cases: Sequence[Case]) -> Evidence:
+def stacked(cases: Sequence[Case]) -> LifeEvidence:
     """The evidence of some vehicles."""
-    return Evidence(*(np.stack(column) for column in zip(*(row.evidence for row in cases), strict=True)))
+    return LifeEvidence(*(np.stack(column) for column in zip(*(row.evidence for row in cases), strict=True)))
 
 
 def forecasts(cases: Sequence[Case], *, alone: bool) -> Forecast:
@@ -130,8 +130,8 @@ def forecasts(cases: Sequence[Case], *, alone: bool) -> Forecast:
     for rows in groups.values():
         evidence = stacked([cases[i] for i in rows])
         if alone:
-            single = [Evidence(*(part[[k]] for part in evidence)) for k in range(len(rows))]
-            parts += [forecast(one, pooled(one)) for one in single]
+            vehicles = [LifeEvidence(*(part[[k]] for part in evidence)) for k in range(len(rows))]
+            parts += [forecast(vehicle, pooled(vehicle)) for vehicle in vehicles]
         else:
             parts.append(forecast(evidence, pooled(evidence)))
     back = np.argsort(order)
@@ -185,12 +185,12 @@ def report(cases: Sequence[Case], axis: str, *, alone: bool) -> None:
         ("days", table.left_days, 1),
         ("km", table.left_km, 2),
     ):
-        known = np.isfinite(left[:, q])
+        counted = np.isfinite(left[:, q])
         inside = (bands[:, 0] <= left[:, q]) & (left[:, q] <= bands[:, 2])
-        below, above = (100 * np.mean(side[known]) for side in (left[:, q] < bands[:, 0], left[:, q] > bands[:, 2]))
-        width = np.median((bands[known, 2] - bands[known, 0]) / np.maximum(left[known, q], 1.0))
-        print(f"  left in {words}: {100 * inside[known].mean():.0f} % of {known.sum()} in 90 %, {below:.0f} % sooner, "
-              f"{above:.0f} % later; width {width:.2f} of the truth")  # fmt: skip
+        below, above = (100 * np.mean(side[counted]) for side in (left[:, q] < bands[:, 0], left[:, q] > bands[:, 2]))
+        width = np.median((bands[counted, 2] - bands[counted, 0]) / np.maximum(left[counted, q], 1.0))
+        print(f"  left in {words}: {100 * inside[counted].mean():.0f} % of {counted.sum()} in 90 %, {below:.0f} % "
+              f"sooner, {above:.0f} % later; width {width:.2f} of the truth")  # fmt: skip
     month = replacements(table.by_month, table.common)
     came = [int(np.sum((left[:, 1] > 30.4375 * k) & (left[:, 1] <= 30.4375 * (k + 1)))) for k in range(12)]
     print("  replacements by month, expected (interval) true: " + ", ".join(
@@ -220,9 +220,8 @@ def print_cost(cases: Sequence[Case], count: int) -> None:
     ]  # fmt: skip
     begin, processor = perf_counter(), process_time()
     forecast_of(rows)
-    print(
-        f"{count} vehicles of 4 types: {perf_counter() - begin:.1f} s, {process_time() - processor:.1f} s of a processor"
-    )
+    seconds, own = perf_counter() - begin, process_time() - processor
+    print(f"{count} vehicles of 4 types: {seconds:.1f} s, {own:.1f} s of a processor")
 
 
 def main() -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from clutchid.estimation.assess.comparison import SHARES_BY, Measurement
-from clutchid.wear.due import forecast, reached_by, replacements, within
-from clutchid.wear.evidence import USE_NODES, WEAR_NODES, WIDE_RATE, Evidence, unpacked
+from clutchid.wear.due import forecast, reached_by, reached_within, replacements
+from clutchid.wear.evidence import USE_NODES, WEAR_NODES, WIDE_RATE, LifeEvidence, evidence_from
 from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits, wear_of
-from clutchid.wear.pooling import POOLED, Spread, TypePool, pooled
+from clutchid.wear.pooling import POOLED, TypePool, TypeSpread, pooled
 from clutchid.wear.trend import GROWTH, LIFE, NEW, REFERENCE
 
 USUAL, STD = GROWTH["shift"].rate, 30e-6
@@ -38,7 +38,7 @@ def vehicle(strokes, shifts, days=None, km=None, limit=0.3e-3, temperatures=None
 
 def fleet_of(wears):
     """The evidence of vehicles, as a table keeps it."""
-    return unpacked([wear.evidence.packed for wear in wears])
+    return evidence_from([wear.evidence.packed for wear in wears])
 
 
 def filtered(strokes, shifts, temperatures, node, replaced=()):
@@ -142,7 +142,7 @@ def test_fewer_vehicles_than_can_be_pooled_have_the_guess():
 def one_node(n, spread, mean, guess=0):
     """A spread over vehicles of which only one node counts."""
     nodes = len(WEAR_NODES if guess == 0 else USE_NODES)
-    return Spread(np.eye(nodes)[n], np.full(nodes, mean), np.zeros(nodes), np.full(nodes, spread))
+    return TypeSpread(np.eye(nodes)[n], np.full(nodes, mean), np.zeros(nodes), np.full(nodes, spread))
 
 
 def test_the_probability_is_the_share_of_draws_beyond_the_limit():
@@ -150,7 +150,7 @@ def test_the_probability_is_the_share_of_draws_beyond_the_limit():
     wear = np.zeros((1, len(WEAR_NODES), 6))
     wear[:, :, 1:] = 0.3, 0.45, 0.02**2, 0.3**2, 0.5 * 0.02 * 0.3
     use = np.full((1, 2, len(USE_NODES), 3), np.nan)
-    evidence = Evidence(wear, np.array([0.6]), np.array([0.01]), np.array([30.0]), use)
+    evidence = LifeEvidence(wear, np.array([0.6]), np.array([0.01]), np.array([30.0]), use)
     pool = TypePool(10, one_node(n, 0.4, np.log(0.5)), (one_node(0, 1.0, 0.0, 1),) * 2)
     random, count = np.random.default_rng(6), 400_000
     rate = np.exp(np.log(0.5) + 0.4 * random.standard_normal(count))
@@ -190,7 +190,9 @@ def test_a_probability_rises_with_the_horizon_and_is_that_of_the_quantile():
     table = forecast(evidence, pool)
     assert np.all(np.diff(table.by_month, axis=1) >= 0.0)
     assert np.all(np.diff(table.within_days, axis=1) >= 0.0)
-    np.testing.assert_allclose(within(evidence, pool, 0, table.left_days[:, 1]), 0.5, atol=0.03)  # between nodes
+    np.testing.assert_allclose(
+        reached_within(evidence, pool, 0, table.left_days[:, 1]), 0.5, atol=0.03
+    )  # between nodes
 
 
 def test_replacements_are_counted_with_their_common_error():
@@ -206,8 +208,8 @@ def test_replacements_are_counted_with_their_common_error():
 def test_evidence_is_kept_as_text_without_loss_that_matters():
     random = np.random.default_rng(9)
     wear = vehicle(*steady(random, 3e-10)[:2])
-    kept = fleet_of([wear, wear])
-    for part, own in zip(kept, wear.evidence, strict=True):
+    table = fleet_of([wear, wear])
+    for part, own in zip(table, wear.evidence, strict=True):
         np.testing.assert_allclose(part[1], own, rtol=1e-6)
 
 

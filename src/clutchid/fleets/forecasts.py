@@ -1,4 +1,4 @@
-"""Forecast of a fleet: its vehicles with those of their type, what types share, replacements, and what is due when."""
+"""Forecast of a fleet: its vehicles with those of their type, the types, replacements, and which clutches are due."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import numpy as np
 from clutchid.documents.fleet_tables import ReplacementRow, TypeRow, VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
-from clutchid.wear.due import MONTHS, Forecast, forecast, replacements, within
-from clutchid.wear.evidence import WEAR_NODES, unpacked
-from clutchid.wear.pooling import Spread, TypePool, pooled
+from clutchid.wear.due import FORECAST_MONTHS, Forecast, forecast, reached_within, replacements
+from clutchid.wear.evidence import WEAR_NODES, evidence_from
+from clutchid.wear.pooling import TypePool, TypeSpread, pooled
 from clutchid.wear.trend import GROWTH, LIFE, Interval
 
 #: Standard deviations of a 90 % interval, either way.
@@ -31,7 +31,17 @@ class Horizon(NamedTuple):
 
 
 class DueVehicle(NamedTuple):
-    """A vehicle with the probability that its clutch reaches the limit within a horizon, and what is left of it."""
+    """A vehicle whose clutch may be due.
+
+    Attributes
+    ----------
+    vehicle, type
+        Its name and its type.
+    probability : 1
+        That its clutch reaches the limit within the horizon.
+    left_km, left_days
+        Until the limit, in km and days: median and 90 % interval; NaN where the use is not known.
+    """
 
     vehicle: str
     type: str
@@ -77,10 +87,10 @@ def forecast_of(
         if row.evidence:
             groups[row.pool, row.axis, row.quantity].append(i)
     result, types, due = list(rows), list[TypeRow](), list[DueVehicle]()
-    by_month, common = (np.full((len(rows), MONTHS), np.nan) for _ in range(2))
+    by_month, common = (np.full((len(rows), FORECAST_MONTHS), np.nan) for _ in range(2))
     for places in groups.values():
         own = [rows[i] for i in places]
-        evidence = unpacked([row.evidence for row in own])
+        evidence = evidence_from([row.evidence for row in own])
         pool = pooled(evidence)
         table = forecast(evidence, pool)
         types.append(_type_row(own[0], pool))
@@ -88,7 +98,7 @@ def forecast_of(
         for k, i in enumerate(places):
             result[i] = _with_forecast(rows[i], table, k)
         if horizon:
-            shares = within(evidence, pool, *_distance(own, horizon))
+            shares = reached_within(evidence, pool, *_distance(own, horizon))
             due += [_due(result[i], share) for i, share in zip(places, shares.tolist(), strict=True)]
     listed = sorted((row for row in due if row.probability == row.probability), key=lambda row: -row.probability)
     return FleetForecast(result, types, _replacements(tags, by_month, common), tuple(listed))
@@ -119,7 +129,7 @@ def _with_forecast(row: VehicleRow, table: Forecast, k: int) -> VehicleRow:
 
 
 def _type_row(first: VehicleRow, pool: TypePool) -> TypeRow:
-    """What the vehicles of a type share, in the units of their axis."""
+    """A type in the units of its axis."""
     life, per_life = LIFE[first.axis], GROWTH[first.quantity].rate
     node, (day, km) = WEAR_NODES[pool.rate.best], (_spread(use, life) for use in pool.use)
     return TypeRow(
@@ -128,7 +138,7 @@ def _type_row(first: VehicleRow, pool: TypePool) -> TypeRow:
     )  # fmt: skip
 
 
-def _spread(spread: Spread, factor: float) -> Interval:
+def _spread(spread: TypeSpread, factor: float) -> Interval:
     mean, std = spread.mean[spread.best], spread.of_new[spread.best]
     return Interval(*(factor * float(np.exp(mean + z * std)) for z in (0.0, -_NINETY, _NINETY)))
 

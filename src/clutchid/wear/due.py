@@ -8,21 +8,21 @@ import numpy as np
 from scipy import special
 
 from clutchid.log import FloatArray
-from clutchid.wear.evidence import USE_NODES, WEAR_NODES, Evidence
-from clutchid.wear.pooling import LEAST_WEIGHT, USE_GUESSES, Spread, TypePool, level_posterior, rate_posterior
+from clutchid.wear.evidence import USE_NODES, WEAR_NODES, LifeEvidence
+from clutchid.wear.pooling import LEAST_WEIGHT, USE_GUESSES, TypePool, TypeSpread, level_posterior, rate_posterior
 
 #: Distances in km and times in days of which the probabilities are kept.
 WITHIN_KM, WITHIN_DAYS = (20e3, 50e3, 100e3), (90.0, 180.0, 365.0)
 
 #: Months of a forecast of replacements, and the days of one.
-MONTHS, MONTH = 12, 365.25 / 12
+FORECAST_MONTHS, MONTH = 12, 365.25 / 12
 
 #: Quantiles of a forecast: its 90 % interval and its median.
 QUANTILES = (0.05, 0.5, 0.95)
 
 #: Horizon of a forecast in lives, and the distances at which it is computed.
-HORIZON = 5.0
-_AHEAD = np.concatenate([[0.0], np.geomspace(2e-3, HORIZON, 47)])
+FORECAST_LIVES = 5.0
+_AHEAD = np.concatenate([[0.0], np.geomspace(2e-3, FORECAST_LIVES, 47)])
 
 #: Vehicles at a time, for room.
 _CHUNK = 20_000
@@ -43,7 +43,7 @@ class Forecast(NamedTuple):
     Attributes
     ----------
     left : (k, 3), lives
-        Until the limit: 5 %, 50 % and 95 % quantile; infinite beyond `HORIZON`.
+        Until the limit: 5 %, 50 % and 95 % quantile; infinite beyond `FORECAST_LIVES`.
     left_days, left_km : (k, 3)
         The same in days and km; NaN where the use is not known.
     within_days, within_km : (k, 3)
@@ -63,35 +63,35 @@ class Forecast(NamedTuple):
     common: FloatArray
 
 
-def forecast(evidence: Evidence, pool: TypePool) -> Forecast:
+def forecast(evidence: LifeEvidence, pool: TypePool) -> Forecast:
     """The forecast of vehicles of a type."""
     count = evidence.limit.size
     chunks = [slice(k, k + _CHUNK) for k in range(0, count, _CHUNK)]
-    parts = [_forecast(Evidence(*(part[some] for part in evidence)), pool) for some in chunks]
+    parts = [_forecast(LifeEvidence(*(part[some] for part in evidence)), pool) for some in chunks]
     return Forecast(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _forecast(evidence: Evidence, pool: TypePool) -> Forecast:
-    months = np.asarray(MONTH * np.arange(1, MONTHS + 1), dtype=np.float64)
+def _forecast(evidence: LifeEvidence, pool: TypePool) -> Forecast:
+    months = np.asarray(MONTH * np.arange(1, FORECAST_MONTHS + 1), dtype=np.float64)
     reached, worse = reached_by(evidence, pool, _AHEAD), reached_by(evidence, pool, _AHEAD, offset=1.0)
     n = _AHEAD.size
     days, km = (
         _by_use(reached, evidence, pool, q, np.concatenate([_grid(q), x]))
         for q, x in enumerate(([*months, *WITHIN_DAYS], WITHIN_KM))
     )
-    by_month = days[:, n : n + MONTHS]
+    by_month = days[:, n : n + FORECAST_MONTHS]
     return Forecast(
         _inverted(reached, _AHEAD), _inverted(days[:, :n], _grid(0)), _inverted(km[:, :n], _grid(1)),
-        days[:, n + MONTHS :], km[:, n:], by_month, _by_use(worse, evidence, pool, 0, months) - by_month,
+        days[:, n + FORECAST_MONTHS :], km[:, n:], by_month, _by_use(worse, evidence, pool, 0, months) - by_month,
     )  # fmt: skip
 
 
-def within(evidence: Evidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
+def reached_within(evidence: LifeEvidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
     """Probability of each vehicle to reach its limit within days (`q` = 0) or km (1) of its own, (k,)."""
     count = evidence.limit.size
     parts = []
     for some in (slice(k, k + _CHUNK) for k in range(0, count, _CHUNK)):
-        own = Evidence(*(part[some] for part in evidence))
+        own = LifeEvidence(*(part[some] for part in evidence))
         parts.append(_by_use(reached_by(own, pool, _AHEAD), own, pool, q, x[some, None])[:, 0])
     return np.concatenate(parts)
 
@@ -101,7 +101,7 @@ def _grid(q: int) -> FloatArray:
     return np.asarray(_AHEAD * np.exp(-USE_GUESSES[q].mean))
 
 
-def reached_by(evidence: Evidence, pool: TypePool, ahead: FloatArray, offset: float = 0.0) -> FloatArray:
+def reached_by(evidence: LifeEvidence, pool: TypePool, ahead: FloatArray, offset: float = 0.0) -> FloatArray:
     """Probability of each vehicle to have reached its limit at distances in lives ahead, rising, (k, ahead).
 
     `offset` is the error of the calibration, in its standard deviations. The limit is taken as reached where the trend
@@ -121,13 +121,13 @@ def reached_by(evidence: Evidence, pool: TypePool, ahead: FloatArray, offset: fl
     return total
 
 
-def _counting(spread: Spread) -> FloatArray:
+def _counting(spread: TypeSpread) -> FloatArray:
     """Weights of the nodes, 0 for those that hardly count."""
     weights = np.where(spread.weight >= LEAST_WEIGHT * spread.weight.max(), spread.weight, 0.0)
     return np.asarray(weights / weights.sum())
 
 
-def _by_use(reached: FloatArray, evidence: Evidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
+def _by_use(reached: FloatArray, evidence: LifeEvidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
     """Probabilities by days (`q` = 0) or km (1) from those by distances ahead; NaN where the use is not known."""
     use, spread, guess = evidence.use[:, q], pool.use[q], USE_GUESSES[q]
     days = x if q == 0 else x * np.exp(USE_GUESSES[1].mean - USE_GUESSES[0].mean)
@@ -190,10 +190,10 @@ def replacements(by_month: FloatArray, common: FloatArray) -> Replacements:
         As in `Forecast`; vehicles without a forecast have NaN and do not count.
     """
     counts = np.isfinite(by_month).all(axis=1)
-    each = np.diff(by_month[counts], axis=1, prepend=0.0)
+    by_clutch = np.diff(by_month[counts], axis=1, prepend=0.0)
     shared = np.diff(common[counts], axis=1, prepend=0.0).sum(axis=0)
-    expected = each.sum(axis=0)
-    variance = (each * (1.0 - each)).sum(axis=0) + shared**2
+    expected = by_clutch.sum(axis=0)
+    variance = (by_clutch * (1.0 - by_clutch)).sum(axis=0) + shared**2
     with np.errstate(invalid="ignore", divide="ignore"):
         shape, scale = expected**2 / variance, variance / expected
         low, high = (np.nan_to_num(special.gammaincinv(shape, p) * scale) for p in (0.025, 0.975))

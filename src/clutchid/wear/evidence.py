@@ -1,4 +1,4 @@
-r"""What the recordings of one vehicle say of its wear and its use, for each node of the variances of its type.
+r"""Evidence of one vehicle on its wear and its use, for each node of the variances of its type.
 
 Gaussian processes in closed form. Wear :math:`u = a + \int r\,ds + w` over the clutches of a vehicle: its rate r walks,
 and goes on where a clutch is replaced. The use, in strokes or km a day, is level, walk and scatter of a logarithm. A
@@ -29,7 +29,7 @@ from clutchid.wear.trend import (
     errors_in,
     linearised,
     smoothed_states,
-    start_of,
+    state_before,
 )
 
 
@@ -71,7 +71,7 @@ _MOST = 120
 _YEAR = 365.25
 
 
-class Evidence(NamedTuple):
+class LifeEvidence(NamedTuple):
     """State at the last recording, by node; of many vehicles with a first axis for these.
 
     Lengths are shares of the usual wear in a life (`clutchid.wear.trend.GROWTH`), in the direction of the limit, and
@@ -107,21 +107,21 @@ class Evidence(NamedTuple):
 _SHAPES = ((len(WEAR_NODES), 6), (), (), (), (2, len(USE_NODES), 3))
 
 
-def unpacked(texts: Sequence[str]) -> Evidence:
+def evidence_from(texts: Sequence[str]) -> LifeEvidence:
     """The evidence of vehicles from their texts, whose lengths are multiples of four."""
     table = np.frombuffer(b64decode("".join(texts)), "<f4").astype(np.float64).reshape(len(texts), -1)
     ends = np.cumsum([int(np.prod(shape)) for shape in _SHAPES])
     parts = np.split(table, ends[:-1], axis=1)
-    return Evidence(*(part.reshape(len(texts), *shape) for part, shape in zip(parts, _SHAPES, strict=True)))
+    return LifeEvidence(*(part.reshape(len(texts), *shape) for part, shape in zip(parts, _SHAPES, strict=True)))
 
 
-def evidence_of(
+def life_evidence(
     model: TrendModel,
     history: History,
     measurements: Sequence[Measurement | None],
     steps: Sequence[TrendStep],
     ends: tuple[str, float],
-) -> Evidence:
+) -> LifeEvidence:
     """The evidence of a vehicle along a path of its trend, with the quantity and the value that end its life."""
     name, limit = ends
     per_life = float(np.copysign(GROWTH[name].rate, limit))
@@ -134,7 +134,7 @@ def evidence_of(
     use = np.stack([_level(lives, x, days, usual) for x, usual in zip((days, km), USUAL_USE, strict=True)])
     gaps = np.diff(days)
     interval = np.array(gaps.mean() if gaps.size else np.nan)
-    return Evidence(
+    return LifeEvidence(
         _wear(rows, per_life), np.array(limit / per_life), np.array(rows.constant / abs(per_life)), interval, use
     )
 
@@ -172,7 +172,7 @@ def _rows(
 ) -> _Rows:
     """The measurements of a quantity that count, in lives; those since a sudden change do not."""
     channels = [c for c, (q, _) in enumerate(model.channels) if q == quantity]
-    growth, (_, covariance) = GROWTH[model.quantities[quantity]], start_of(model, measurements)
+    growth, (_, covariance) = GROWTH[model.quantities[quantity]], state_before(model, measurements)
     rows: list[tuple[float, float, float, FloatArray, float, int]] = []
     new, starts = list[float](), list[float]()
     last, changed = np.nan, False
@@ -206,14 +206,14 @@ def _rows(
 
 
 def _wear(rows: _Rows, usual: float) -> FloatArray:
-    """`Evidence.wear` from values whose usual growth over a life is given, below 0 if it falls."""
+    """`LifeEvidence.wear` from values whose usual growth over a life is given, below 0 if it falls."""
     z, since = rows.s[-1] - rows.s, rows.s[-1] - rows.new
     age, same = rows.s - rows.new, rows.clutch[:, None] == rows.clutch
-    known = same * rows.start / usual**2 + WIDE_RATE**2 * np.outer(age, age)
+    start = same * rows.start / usual**2 + WIDE_RATE**2 * np.outer(age, age)
     walked = _walk(since, since) - _walk(since, z) - _walk(z, since) + _walk(z, z)
     scattered = same * np.maximum(np.minimum(age[:, None], age), 0.0)
     slopes, nodes = usual * rows.slopes, np.array(WEAR_NODES)[:, :, None, None]
-    K = known + nodes[:, 1] ** 2 * walked + nodes[:, 2] ** 2 * scattered
+    K = start + nodes[:, 1] ** 2 * walked + nodes[:, 2] ** 2 * scattered
     of_values = slopes[:, None] * K[:, :-1, :-1] * slopes + rows.shared + nodes[:, 0] * np.diag(rows.own)
     rate = np.broadcast_to(WIDE_RATE**2 * age[:-1], K[:, :-1, -1].shape)
     to_values = np.stack([slopes * K[:, :-1, -1], slopes * rate], axis=-1)
@@ -251,7 +251,7 @@ def _conditioned(
 
 
 def _level(lives: FloatArray, x: FloatArray, days: FloatArray, usual: float) -> FloatArray:
-    """`Evidence.use` of lives over x; only what the type says without two recordings, and NaN where x is not known."""
+    """`LifeEvidence.use` of lives over x; wide without two recordings, and NaN where x is not known."""
     if not np.isfinite(x).all() or not np.isfinite(days).all():
         return np.full((len(USE_NODES), 3), np.nan)
     ends = [0]

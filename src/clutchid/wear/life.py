@@ -16,7 +16,7 @@ from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
 from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
 from clutchid.wear.due import forecast
-from clutchid.wear.evidence import Evidence, evidence_of
+from clutchid.wear.evidence import LifeEvidence, life_evidence
 from clutchid.wear.history import Axis, RecordingJob, WearReading, arranged
 from clutchid.wear.pooling import pooled
 from clutchid.wear.trend import (
@@ -161,7 +161,7 @@ class Wear:
     apart: tuple[tuple[RecordingJob, WearReading], ...] = ()
     end_of_table: float | None = None
     waiting: frozenset[int] = frozenset()
-    evidence: Evidence | None = None
+    evidence: LifeEvidence | None = None
 
     @property
     def recordings(self) -> int:
@@ -276,16 +276,16 @@ def wear_of(
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
         return wear
-    evidence = evidence_of(model, history, measurements, paths[0].steps, (name, end))
+    evidence = life_evidence(model, history, measurements, paths[0].steps, (name, end))
     if not evidence.limit > _ERRORS * evidence.constant:
         error = 1e3 * evidence.constant * GROWTH[name].rate
         return replace(wear, warnings=(*wear.warnings, _WITHIN_ERROR.format(1e3 * end, error)))
     return replace(wear, evidence=evidence, left=_left(evidence, life))
 
 
-def _left(evidence: Evidence, life: float) -> Remaining:
-    """What is left of a clutch by its own recordings alone."""
-    alone = Evidence(*(part[None] for part in evidence))
+def _left(evidence: LifeEvidence, life: float) -> Remaining:
+    """Remaining life of a clutch by its own recordings alone."""
+    alone = LifeEvidence(*(part[None] for part in evidence))
     return Remaining(*(life * forecast(alone, pooled(alone)).left[0]).tolist())
 
 

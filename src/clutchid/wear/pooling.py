@@ -1,4 +1,4 @@
-r"""What the vehicles of a type share: variances of wear and use, and how rates and uses are spread (empirical Bayes).
+r"""Pool of the vehicles of a type: variances of wear and use, and how rates and uses are spread (empirical Bayes).
 
 The rate of a vehicle is log-normal, :math:`\log r_i \sim N(m, t^2)`, its use likewise; m and t are those of largest
 density given all vehicles (expectation maximisation on a grid of logarithms), the nodes of the variances are weighed by
@@ -13,11 +13,20 @@ import numpy as np
 from scipy import special
 
 from clutchid.log import FloatArray
-from clutchid.wear.evidence import USE_NODES, USUAL_USE, WEAR_NODES, WIDE_LEVEL, WIDE_RATE, Evidence, UseNode, WearNode
+from clutchid.wear.evidence import (
+    USE_NODES,
+    USUAL_USE,
+    WEAR_NODES,
+    WIDE_LEVEL,
+    WIDE_RATE,
+    LifeEvidence,
+    UseNode,
+    WearNode,
+)
 
 
 class Guess(NamedTuple):
-    """What is assumed before vehicles of a type teach it: a node of the variances, mean and spread of a logarithm."""
+    """Assumption before vehicles of a type teach it: a node of the variances, mean and spread of a logarithm."""
 
     node: WearNode | UseNode
     mean: float
@@ -34,7 +43,7 @@ POOLED = 4
 #: Vehicles that the guess of a spread is worth, and the spread that they have: between one half and double.
 _WORTH, _SPREAD = 2.0, 0.5
 
-#: Spread of the logarithms of the variances around the guessed ones, in factors.
+#: TypeSpread of the logarithms of the variances around the guessed ones, in factors.
 _FACTOR = 4.0
 
 #: Most vehicles from which the variances of a type are learnt, and the spread of its rates: more hardly change them.
@@ -52,7 +61,7 @@ _STEP = 0.5 * float(_GRID[1] - _GRID[0])
 _ITERATIONS = 30
 
 
-class Spread(NamedTuple):
+class TypeSpread(NamedTuple):
     """How a logarithm is spread over the vehicles of a type, by node of its variances.
 
     Attributes
@@ -70,7 +79,7 @@ class Spread(NamedTuple):
 
     @property
     def of_new(self) -> FloatArray:
-        """Standard deviation of a vehicle that has told nothing yet, (nodes,)."""
+        """Standard deviation of a vehicle without recordings, (nodes,)."""
         return np.hypot(self.std, self.error)
 
     @property
@@ -80,11 +89,11 @@ class Spread(NamedTuple):
 
 
 class TypePool(NamedTuple):
-    """What `vehicles` of a type share: their rates, and their uses a day and a km."""
+    """Rates of the `vehicles` of a type, and their uses a day and a km."""
 
     vehicles: int
-    rate: Spread
-    use: tuple[Spread, Spread]
+    rate: TypeSpread
+    use: tuple[TypeSpread, TypeSpread]
 
     @property
     def is_guess(self) -> bool:
@@ -92,8 +101,8 @@ class TypePool(NamedTuple):
         return self.vehicles < POOLED
 
 
-def pooled(evidence: Evidence) -> TypePool:
-    """What vehicles of a type share; see `Evidence`."""
+def pooled(evidence: LifeEvidence) -> TypePool:
+    """Pool of vehicles of a type from their evidence."""
     count = evidence.limit.size
     uses = [_use(_some(evidence.use[:, q], _MANY), guess) for q, guess in enumerate(USE_GUESSES)]
     rate = _rate(_some(evidence.wear, _ENOUGH))
@@ -110,12 +119,12 @@ def _some(rows: FloatArray, most: int) -> FloatArray:
     return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(int))])
 
 
-def _rate(wear: FloatArray) -> Spread:
-    """The spread of rates from `Evidence.wear` of the vehicles."""
+def _rate(wear: FloatArray) -> TypeSpread:
+    """The spread of rates from `LifeEvidence.wear` of the vehicles."""
     guess, likelihood = RATE_GUESS, rate_likelihood(wear)
     m, error, t = _spread(likelihood)
     shares = np.log(np.einsum("inj,nj->in", likelihood, _density(m, t)) + 1e-300)
-    return Spread(_weights((wear[:, :, 0] + shares).sum(axis=0), WEAR_NODES, guess), m, error, t)
+    return TypeSpread(_weights((wear[:, :, 0] + shares).sum(axis=0), WEAR_NODES, guess), m, error, t)
 
 
 def _spread(likelihood: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -136,7 +145,7 @@ def rate_likelihood(wear: FloatArray) -> FloatArray:
     return np.exp(exponent - 0.5 * np.log(variance / WIDE_RATE**2))
 
 
-def rate_posterior(wear: FloatArray, spread: Spread, node: int) -> tuple[FloatArray, FloatArray]:
+def rate_posterior(wear: FloatArray, spread: TypeSpread, node: int) -> tuple[FloatArray, FloatArray]:
     """Mean and standard deviation of the logarithm of each vehicle's rate at a node, (k,)."""
     m, t = spread.mean[[node]], spread.of_new[[node]]
     mean, variance = _moments(rate_likelihood(wear[:, [node]]), m, t)
@@ -181,7 +190,7 @@ def _weights(evidence: FloatArray, nodes: tuple[WearNode, ...] | tuple[UseNode, 
     return np.asarray(special.softmax(log))
 
 
-def _use(use: FloatArray, guess: Guess) -> Spread:
+def _use(use: FloatArray, guess: Guess) -> TypeSpread:
     """The spread of a use from its evidence (k, nodes, 3); vehicles whose use is not known say nothing."""
     use = use[np.isfinite(use[:, 0, 1])]
     nodes = len(USE_NODES)
@@ -199,7 +208,7 @@ def _use(use: FloatArray, guess: Guess) -> Spread:
         error = 1 / np.sqrt((1 / (t**2 + v)).sum(axis=0))
     total = use[:, :, 0] + 0.5 * np.log((WIDE_LEVEL**2 + v) / (t**2 + v)) - 0.5 * (own - m) ** 2 / (t**2 + v)
     total += 0.5 * (own - guess.mean) ** 2 / (WIDE_LEVEL**2 + v)
-    return Spread(_weights(total.sum(axis=0), USE_NODES, guess), m, error, t)
+    return TypeSpread(_weights(total.sum(axis=0), USE_NODES, guess), m, error, t)
 
 
 def level_likelihood(use: FloatArray, guess: Guess) -> tuple[FloatArray, FloatArray]:
@@ -208,7 +217,7 @@ def level_likelihood(use: FloatArray, guess: Guess) -> tuple[FloatArray, FloatAr
     return variance * (use[..., 1] / np.maximum(use[..., 2], 1e-12) - guess.mean / WIDE_LEVEL**2), variance
 
 
-def level_posterior(use: FloatArray, spread: Spread, node: int, guess: Guess) -> tuple[FloatArray, FloatArray]:
+def level_posterior(use: FloatArray, spread: TypeSpread, node: int, guess: Guess) -> tuple[FloatArray, FloatArray]:
     """Mean and variance of the level of each vehicle's use at a node, (k,)."""
     own, v = level_likelihood(use[:, node], guess)
     gain = spread.of_new[node] ** 2 / (spread.of_new[node] ** 2 + v)

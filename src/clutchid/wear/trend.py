@@ -120,7 +120,13 @@ CHANNELS = ("shift", "load")
 
 
 class Interval(NamedTuple):
-    """A value with its interval; NaN is unknown."""
+    """A value with its interval; NaN is unknown.
+
+    Attributes
+    ----------
+    value, low, high
+        In the unit of the quantity.
+    """
 
     value: float
     low: float
@@ -270,7 +276,7 @@ def _interpolated(x: FloatArray, values: FloatArray) -> _Function:
 
 def traced(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement | None]) -> tuple[Path, ...]:
     """The paths along recordings at `s`, in order, the most probable first; missing measurements are only predicted."""
-    tracks = [_Track(0.0, *start_of(model, measurements), _Used(0.0, 0), ())]
+    tracks = [_Track(0.0, *state_before(model, measurements), _Used(0.0, 0), ())]
     measured: list[int] = []
     last = 0.0
     for k, (at, now) in enumerate(zip(s, measurements, strict=True)):
@@ -457,7 +463,7 @@ class _Corrected(NamedTuple):
     deviance: float
 
 
-def start_of(model: TrendModel, measurements: Sequence[Measurement | None]) -> tuple[FloatArray, FloatArray]:
+def state_before(model: TrendModel, measurements: Sequence[Measurement | None]) -> tuple[FloatArray, FloatArray]:
     """The state before the first recording; the errors of a reader are as large as its first measurement says."""
     variances = np.zeros(model.size)
     for q, name in enumerate(model.quantities):
@@ -556,12 +562,12 @@ def _corrected(model: TrendModel, mean: FloatArray, P: FloatArray, now: Measurem
 
 def errors_in(model: TrendModel, now: Measurement) -> FloatArray:
     """By how much each error in the state adds to the channels of a measurement, (channels, state)."""
-    H, each = np.zeros((len(model.channels), model.size)), np.eye(len(model.channels))
+    H, identity = np.zeros((len(model.channels), model.size)), np.eye(len(model.channels))
     constant, by_temperature = model.errors_by(now.by)
-    H[:, by_temperature] = each * ((now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0)
-    H[:, constant] = each
+    H[:, by_temperature] = identity * ((now.temperature - REFERENCE) / 10.0 if np.isfinite(now.temperature) else 0.0)
+    H[:, constant] = identity
     if now.calibration:
-        H[:, model.offsets(now.calibration)] = each
+        H[:, model.offsets(now.calibration)] = identity
     return H
 
 
