@@ -87,7 +87,9 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
         stamps, is_folder = {}, root == path_of(source)
     if rows is not None:
         files = files_by_name(content, {row.recording for row in rows})
-        located, renamed = _one_type_each([files.located(row) for row in rows], source)
+        in_place = (_in_place(row, root, objects, stamps) for row in rows)
+        placed = [row if row.path or row.problem else files.located(row) for row in in_place]
+        located, renamed = _one_type_each(placed, source)
         beside = _unlisted(located, content) if is_folder else ""
     else:
         located, renamed = _in_folders(root, content.recordings)
@@ -139,6 +141,8 @@ def row_of(source: str | PathLike[str], job: RecordingJob) -> RecordingJob:
 def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
     """Objects below an address, or beside a table there, each with a path that stands for it, and their stamps."""
     objects, name = _table_place(source)
+    if objects.is_web:
+        return _on_web(objects, name, is_folder=objects == source)
     stamps, root = objects.stamps(), objects.root
     if not stamps:
         raise NoRecordingsError(f"{source.address}: there are no objects.")
@@ -148,6 +152,38 @@ def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Pa
     rows = _rows(objects, name, stamps[name]) if name in stamps else None
     by_path = {root / other: stamp for other, stamp in stamps.items()}
     return objects, rows, recordings_and_others(shown, len(stamps) - len(paths)), by_path
+
+
+def _on_web(
+    objects: Objects, table: str, *, is_folder: bool
+) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
+    """The rows of a table on a web server, and the stamps of the files that it names."""
+    if is_folder:
+        where = f"{objects.address}/{table}"
+        raise DataError(f"{objects.address}: cannot be listed; name the table of its recordings, such as {where}.")
+    rows = _rows(objects, table, "")
+    stamps = objects.stamps_of({row.path.as_posix() for row in rows if row.path and not _is_outside(row.path)})
+    return objects, rows, FolderContent((), (), 0), {objects.root / name: stamp for name, stamp in stamps.items()}
+
+
+def _is_outside(path: Path) -> bool:
+    """Whether a path of a table may lead out of its folder."""
+    return path.is_absolute() or ".." in path.parts
+
+
+def _in_place(row: RecordingJob, root: Path, objects: Objects | None, stamps: Mapping[Path, str]) -> RecordingJob:
+    """A row with the file that its path from the folder of the table leads to; without a path if it is but a name."""
+    path = row.path or Path(row.recording)
+    whole = root / path
+    if objects and objects.is_web:
+        outside = _OUTSIDE.format(as_text(str(path))) if _is_outside(path) else ""
+        return replace(row, path=None if outside else whole, problem=outside)
+    there = len(path.parts) > 1 and (whole in stamps if objects else is_there(whole) and whole.is_file())
+    return replace(row, path=whole if there else None)
+
+
+#: Problem of a row of a table on a web server.
+_OUTSIDE = "'{}' leads out of the folder of the table, in which its files must lie; move it there."
 
 
 def _table_place(source: Objects) -> tuple[Objects, str]:

@@ -39,7 +39,17 @@ from clutchid.fleets.plan import (
     reader_of,
     recording_states,
 )
-from clutchid.fleets.storage import Folder, Objects, Storage, objects_at, path_of, scratch_of, times_of, upload
+from clutchid.fleets.storage import (
+    Folder,
+    Objects,
+    Storage,
+    objects_at,
+    path_of,
+    scratch_of,
+    target_at,
+    times_of,
+    upload,
+)
 from clutchid.fleets.store import Store, StoredRow, run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
@@ -115,7 +125,7 @@ def fleet(
     ----------
     source : path
         A folder, in which each folder of recordings is a vehicle, or a table with recording, vehicle and type. It may
-        be an address of objects, such as ``s3://bucket/fleet`` (extra ``cloud``).
+        be an address of objects, such as ``s3://bucket/fleet`` (extra ``cloud``), a table also one of a web server.
     start : path
         Calibration for all, or a folder with one for each type or vehicle.
     out : path
@@ -289,7 +299,7 @@ class _Places(NamedTuple):
 
 
 def _places(source: str | PathLike[str], out: str | PathLike[str]) -> _Places:
-    objects, target = objects_at(source), objects_at(out)
+    objects, target = objects_at(source), target_at(out)
     if target and target == objects:
         raise ParameterError(f"--out {target.address}: is the fleet itself; name a folder of its own.")
     origin = objects.address if objects else str(path_of(source).resolve())
