@@ -163,7 +163,10 @@ class Store:
             return dict(self.base.execute("SELECT part, count FROM parts ORDER BY part"))
 
     def set_part(self, part: str, count: int, rows: Iterable[tuple[str, str]] = (), old: Iterable[str] = ()) -> None:
-        """Keep that a part has been written, which holds rows by vehicle and recording, and those of `old` parts."""
+        """Keep that a part has been written, which holds rows by vehicle and recording, and those of `old` parts.
+
+        It is on the disk after `saved`.
+        """
         with _room(self.path):
             self.base.execute("INSERT OR REPLACE INTO parts VALUES (?, ?)", (part, count))
             where = "UPDATE done SET part = ? WHERE vehicle = ? AND recording = ?"
@@ -175,7 +178,6 @@ class Store:
             self.base.executemany("INSERT INTO folded VALUES (?)", before)
             if before:
                 self.base.execute("UPDATE done SET part = ? WHERE part IN (SELECT part FROM folded)", (part,))
-            self.base.commit()
 
     def lose_parts(self, names: Iterable[str]) -> None:
         """Forget parts that are not there any more, so that their rows are in no part."""
