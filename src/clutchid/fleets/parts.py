@@ -251,8 +251,8 @@ def _fold(store: Store, storage: Storage) -> None:
     for date, names in small.items():
         if len(names) > 1:
             tables = [table for _, table in _read_parts(storage, names)]
-            table = pl.concat(tables, how="diagonal_relaxed").unique(["vehicle", "recording", _RECORD], keep="first")
-            folded = table.sort("vehicle", "recording", "written_at")
+            table = pl.concat(tables, how="diagonal_relaxed").sort("vehicle", "recording", "written_at")
+            folded = table.unique(["vehicle", "recording", _RECORD], keep="last", maintain_order=True)
             content = map(str, folded.select("vehicle", "recording", _RECORD).rows())
             name = _part_name("" if date == _NO_DATE else date, content)
             storage.write(name, part_content(folded))

@@ -27,6 +27,9 @@ from clutchid.wear.history import RecordingJob, WearReading, dated, packed_readi
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
 
+#: Status of the row of a recording that was left out.
+FORGOTTEN = "forgotten"
+
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
@@ -153,9 +156,21 @@ class Store:
             _insert(self.base, [new._replace(part=row.part if same_row else "") for new, row, same_row in as_before])
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
-        """Delete recordings by vehicle and recording."""
-        with _room(self.path):
-            self.base.executemany("DELETE FROM done WHERE vehicle = ? AND recording = ?", list(keys))
+        """Replace rows by vehicle and recording by ones that say so, for the parts have the readings too."""
+        rows = [row for key in keys for row in self._rows("WHERE vehicle = ? AND recording = ?", *key)]
+        reading, curve = packed_reading(WearReading(FORGOTTEN, "its file is gone, or has another name.", apart=True))
+        self.put(
+            row._replace(
+                inputs="",
+                file="",
+                status=FORGOTTEN,
+                reading=reading,
+                curve=curve,
+                timing=json.dumps(_NOT_DONE),
+                part="",
+            ).with_checksum()
+            for row in rows
+        )
 
     def parts(self) -> dict[str, int]:
         """The parts of the table that the index knows, each with its number of rows."""
