@@ -35,7 +35,7 @@ class VehicleRow(NamedTuple):
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
     ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
-    some do not count.
+    some do not count, `tags` the last values of further columns of the table of recordings.
     """
 
     name: str
@@ -55,6 +55,7 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
     reasons: tuple[ReasonCount, ...] = ()
+    tags: tuple[tuple[str, str], ...] = ()
 
     @property
     def has_result(self) -> int:

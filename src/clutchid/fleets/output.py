@@ -192,6 +192,7 @@ def _restored(text: str) -> VehicleRow:
         last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
         load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
         warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
+        tags=tuple((name, value) for name, value in row.tags),
     )  # fmt: skip
 
 
@@ -206,7 +207,8 @@ def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends:
     import polars as pl
 
     if trends:
-        table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema(), orient="row")
+        tags = dict.fromkeys(sorted({f"tag_{name}" for row in rows for name, _ in row.tags}), pl.String)
+        table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema() | tags, orient="row")
         write_bytes(part_content(table.fill_nan(None)), out / VEHICLES)
     write_page(document_of(FleetWear(rows, _reasons(rows)), command), out / _INDEX)
 
@@ -234,6 +236,7 @@ def _row(wear: Wear, page: str) -> VehicleRow:
     now = wear.present if counted else {}
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
     last = next((job.begin for job in reversed(wear.dated) if job.begin), None)
+    jobs = [*(job for job, _ in wear.apart), *wear.dated]  # those that have a place in its life say what holds last
     return VehicleRow(
         wear.vehicle, wear.rows[0].job.type, wear.recordings, counted,
         Counter(row.reading.status for row in wear.rows if not row.reading.apart), last,
@@ -241,6 +244,7 @@ def _row(wear: Wear, page: str) -> VehicleRow:
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
         wear.warnings, _reasons_of(wear),
+        tuple({name: value for job in jobs for name, value in job.tags}.items()),
     )  # fmt: skip
 
 
@@ -273,7 +277,7 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
         **(banded(f"left_{row.axis}", row.left) if own else {}),
         **({f"rate_mm_per_{_AXES[row.axis]}": 1e3 * row.rate} if own else {}),
         "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
-        "file": row.page.removesuffix(".html"),
+        "file": row.page.removesuffix(".html"), **{f"tag_{name}": value for name, value in row.tags},
     }  # fmt: skip
 
 
