@@ -162,8 +162,9 @@ def _on_web(
         where = f"{objects.address}/{table}"
         raise DataError(f"{objects.address}: cannot be listed; name the table of its recordings, such as {where}.")
     rows = _rows(objects, table, "")
-    stamps = objects.stamps_of({row.path.as_posix() for row in rows if row.path and not _is_outside(row.path)})
-    return objects, rows, FolderContent((), (), 0), {objects.root / name: stamp for name, stamp in stamps.items()}
+    paths = list({row.path for row in rows if row.path and not _is_outside(row.path)})
+    stamps = zip((objects.root / path for path in paths), objects.stamps_of([*map(Path.as_posix, paths)]), strict=True)
+    return objects, rows, FolderContent((), (), 0), dict(stamps)
 
 
 def _is_outside(path: Path) -> bool:

@@ -16,7 +16,7 @@ from clutchid.errors import DataError, ParameterError
 from clutchid.fleets.cluster import Workers, results
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.storage import Objects
-from clutchid.fleets.store import FORGOTTEN, Store, StoredRow, place_of, stored_row
+from clutchid.fleets.store import Store, StoredRow, place_of, stored_row
 from clutchid.names import as_text
 from clutchid.processes import Pool
 from clutchid.verbs.reading import Reading
@@ -209,7 +209,7 @@ def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, S
     states = []
     for job in jobs:
         entry = keys.get(key_of(job))
-        if entry is None or entry.status == FORGOTTEN or (job.problem and (job.path or not entry.has_result)):
+        if entry is None or entry.is_forgotten or (job.problem and (job.path or not entry.has_result)):
             states.append(RecordingState(job))
             continue
         gone = entry.has_result and (not job.file or entry.file not in ("", job.file))

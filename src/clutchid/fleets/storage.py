@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
@@ -124,19 +124,19 @@ class Objects(NamedTuple):
         with self._reached(name):
             return self._stamp(obstore.head(_store(self.address), name))
 
-    def stamps_of(self, names: Iterable[str]) -> dict[str, str]:
-        """Stamps of objects by their names, without a listing; none of an object that is not there or is refused."""
+    def stamps_of(self, names: Sequence[str]) -> list[str]:
+        """Stamps of objects by their names, without a listing; empty of what is not there or is refused."""
 
-        def stamp(name: str) -> tuple[str, str]:
+        def stamp(name: str) -> str:
             try:
-                return name, self.stamp(name)
+                return self.stamp(name)
             except _UnsteadyError:
                 raise
             except DataError:
-                return name, ""
+                return ""
 
         with ThreadPoolExecutor(_TOGETHER) as pool:
-            return {name: text for name, text in pool.map(stamp, names) if text}
+            return [*pool.map(stamp, names)]
 
     def _stamp(self, entry: ObjectMeta) -> str:
         """Size and ETag of an object; on a web server with its name, since two files may have one ETag there.
@@ -284,7 +284,7 @@ def objects_at(path: str | PathLike[str]) -> Objects | None:
     if match is None or match[1] == "file":
         return None
     objects = Objects(f"{match[1]}://{match[2].replace(chr(92), '/')}".rstrip("/"))
-    if objects.is_web and (set("?#") & set(match[2]) or "@" in match[2].partition("/")[0]):
+    if objects.is_web and re.search(r"[?#]|^[^/]*@", match[2]):
         raise DataError(
             f"{match[1]} address: has a query (?), a fragment (#) or a password (@); name one without them."
         )

@@ -28,7 +28,7 @@ from clutchid.wear.history import RecordingJob, WearReading, dated, packed_readi
 COMMIT = 0.5
 
 #: Status of the row of a recording that was left out.
-FORGOTTEN = "forgotten"
+_FORGOTTEN = "forgotten"
 
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
@@ -78,6 +78,11 @@ class StoredRow(NamedTuple):
     def has_result(self) -> bool:
         """Whether it was read."""
         return self.status in ("ok", "warning")
+
+    @property
+    def is_forgotten(self) -> bool:
+        """Whether it says that the recording was left out."""
+        return self.status == _FORGOTTEN
 
     @property
     def calibration(self) -> str:
@@ -158,12 +163,12 @@ class Store:
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
         """Replace rows by vehicle and recording by ones that say so, for the parts have the readings too."""
         rows = [row for key in keys for row in self._rows("WHERE vehicle = ? AND recording = ?", *key)]
-        reading, curve = packed_reading(WearReading(FORGOTTEN, "its file is gone, or has another name.", apart=True))
+        reading, curve = packed_reading(WearReading(_FORGOTTEN, "its file is gone, or has another name.", apart=True))
         self.put(
             row._replace(
                 inputs="",
                 file="",
-                status=FORGOTTEN,
+                status=_FORGOTTEN,
                 reading=reading,
                 curve=curve,
                 timing=json.dumps(_NOT_DONE),
