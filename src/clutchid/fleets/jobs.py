@@ -21,6 +21,7 @@ from clutchid.fleets.store import StoredRow
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.verbs.folders import (
+    FilesByName,
     FolderContent,
     files_by_name,
     folder_content,
@@ -87,9 +88,7 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
         stamps, is_folder = {}, root == path_of(source)
     if rows is not None:
         files = files_by_name(content, {row.recording for row in rows})
-        in_place = (_in_place(row, root, objects, stamps) for row in rows)
-        placed = [row if row.path or row.problem else files.located(row) for row in in_place]
-        located, renamed = _one_type_each(placed, source)
+        located, renamed = _one_type_each([_located(row, root, objects, stamps, files) for row in rows], source)
         beside = _unlisted(located, content) if is_folder else ""
     else:
         located, renamed = _in_folders(root, content.recordings)
@@ -172,15 +171,18 @@ def _is_outside(path: Path) -> bool:
     return path.is_absolute() or ".." in path.parts
 
 
-def _in_place(row: RecordingJob, root: Path, objects: Objects | None, stamps: Mapping[Path, str]) -> RecordingJob:
-    """A row with the file that its path from the folder of the table leads to; without a path if it is but a name."""
+def _located(
+    row: RecordingJob, root: Path, objects: Objects | None, stamps: Mapping[Path, str], files: FilesByName
+) -> RecordingJob:
+    """A row with the file to which its path leads from the folder of the table, else with the one of its name."""
     path = row.path or Path(row.recording)
     whole = root / path
     if objects and objects.is_web:
         outside = _OUTSIDE.format(as_text(str(path))) if _is_outside(path) else ""
         return replace(row, path=None if outside else whole, problem=outside)
-    there = len(path.parts) > 1 and (whole in stamps if objects else is_there(whole) and whole.is_file())
-    return replace(row, path=whole if there else None)
+    if len(path.parts) > 1 and (whole in stamps if objects else is_there(whole) and whole.is_file()):
+        return replace(row, path=whole)
+    return files.located(row)
 
 
 #: Problem of a row of a table on a web server.
