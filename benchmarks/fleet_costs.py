@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import perf_counter
@@ -95,18 +96,16 @@ def events(count: int, at: str) -> None:
         jobs = [RecordingJob(f"r{n % EACH:02d}", f"V{n // EACH:05d}", "T1", FIRST + timedelta(days=14 * (n % EACH)))
                 for n in range(count)]  # fmt: skip
         rows = [row_of(job) for job in jobs]
-        times = [perf_counter()]
-        for row in rows:
-            write_once(row, storage)
-        times.append(perf_counter())
         with run_store(Path(folder) / "run", {}) as store:
-            adopt(store, storage)
-            times.append(perf_counter())
-            append(store, storage)
-            times.append(perf_counter())
+            steps: dict[str, Callable[[], object]] = {
+                "written": lambda: [write_once(row, storage) for row in rows],
+                "taken in": lambda: adopt(store, storage), "folded": lambda: append(store, storage),
+            }  # fmt: skip
+            for step, work in steps.items():
+                begin = perf_counter()
+                work()
+                print(f"{count:,} parts of one row {step} in {perf_counter() - begin:.1f} s", flush=True)
             assert len(store.keys()) == count
-        written, taken, folded = np.diff(times)
-        print(f"{count:,} parts of one row: written {written:.1f} s, taken in {taken:.1f} s, folded {folded:.1f} s")
 
 
 def main() -> None:

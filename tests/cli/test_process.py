@@ -96,7 +96,7 @@ def test_an_interrupted_command_says_what_is_kept(command, interrupted, sentence
     assert (json.loads(shown.out)["message"] if options else shown.err.strip().removeprefix("clutchid: ")) == sentence
 
 
-ADDRESSES = ["s3://bucket/run.csv", "https://host/run.csv", "gs://bucket/run.csv", r"\\server\share\run.csv"]
+ADDRESSES = ["s3://bucket/run.csv", "https://host/run.csv", r"\\server\share\run.csv", "ftp://host/run.csv"]
 
 #: Commands that read or write at @.
 READING = [
@@ -110,7 +110,7 @@ READING = [
 @posix
 @pytest.mark.parametrize(
     ("command", "address"),
-    [*(("look @", at) for at in ADDRESSES), *((line, ADDRESSES["fleet" in line]) for line in READING)],
+    [*(("look @", at) for at in ADDRESSES), *((line, ADDRESSES[-("fleet" in line)]) for line in READING)],
 )
 def test_an_address_is_refused_with_what_to_do(command, address, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

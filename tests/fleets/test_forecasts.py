@@ -51,8 +51,10 @@ def test_a_vehicle_without_a_limit_is_in_no_forecast():
 
 
 def test_replacements_are_counted_by_month_and_by_tag():
-    tags = [{"depot": "north"}, {"depot": "south"}, {}, {"depot": "north"}, {"depot": "south"}]
-    fleet = forecast_of(ROWS, tags)
+    depots = ("north", "south", "", "north", "south")
+    fleet = forecast_of(
+        [row._replace(tags=(("depot", at),) if at else ()) for row, at in zip(ROWS, depots, strict=True)]
+    )
     table = pl.DataFrame(fleet.replacements, orient="row", schema=list(fleet.replacements[0]._fields))
     every = table.filter(pl.col("name") == "")
     assert every["expected"].sum() == pytest.approx(sum(row.by_month[-1] for row in fleet.rows))

@@ -154,6 +154,17 @@ def test_missing_recordings_are_forgotten_on_request_but_not_all_of_them(fleet):
     away(paths[:3], "files")
     run = run_of(fleet, verb="track", forget_missing=True)
     assert (run.statuses, run.warnings) == ({"ok": COUNT - 3}, ())
+    (fleet / "out" / "run.sqlite").unlink()
+    run = run_of(fleet, verb="track")
+    assert (run.read, run.statuses, run.warnings) == (0, {"ok": COUNT - 3}, ()), "the parts say that they are forgotten"
+    table = pl.read_parquet(fleet / "out" / "recordings" / "**" / "*.parquet").sort("written_at")
+    newest = table.unique("recording", keep="last").filter(pl.col("status") == "forgotten")
+    assert sorted(newest["recording"]) == [path.stem for path in paths[:3]]
+    paths[0].write_bytes((fleet / paths[0].name).read_bytes())
+    run = run_of(fleet, verb="track")
+    assert (run.read, run.statuses) == (1, {"ok": COUNT - 2}), "and are read again where they come back"
+    away(paths[:1], "files")
+    assert run_of(fleet, verb="track", forget_missing=True).statuses == {"ok": COUNT - 3}
     away(paths[3:], "files")
     with pytest.raises(DataError, match="has no recordings"):
         run_of(fleet, verb="track", forget_missing=True)

@@ -63,6 +63,21 @@ def test_a_table_says_vehicle_and_type_and_finds_the_files_below_it(depot):
     assert job.problem.startswith("there is no calibration of type 'T3'")
 
 
+def test_a_table_names_files_by_their_path_from_its_folder_or_from_the_root(depot):
+    beside = depot / "beside" / "c.csv"
+    beside.parent.mkdir()
+    for path in (beside, depot / "fleet" / "V1" / "c.csv"):
+        path.touch()
+    path = table(
+        depot, "../beside/c.csv,V1,", f"{depot}/beside/c.csv,V2,", "V1/a.parquet,V2,", "../V2/b.mf4,V2,", "../d,V2,"
+    )
+    jobs = {(job.vehicle, job.recording): job for job in fleet_of(path, depot / "cal.toml").jobs}
+    assert [jobs[vehicle, "c"].path.resolve() for vehicle in ("V1", "V2")] == [beside, beside]
+    assert jobs["V2", "a"].path == depot / "fleet" / "V1" / "a.parquet", "not the one in the folder of its name"
+    assert jobs["V2", "b"].path == depot / "fleet" / "V2" / "b.mf4", "by its name, where the path leads nowhere"
+    assert (jobs["V2", "d"].path, jobs["V2", "d"].problem) == (None, "the table names it, but its file is not there.")
+
+
 def test_what_cannot_be_a_fleet_is_refused_in_a_sentence(depot, tmp_path):
     cal = depot / "cal.toml"
     (tmp_path / "empty").mkdir()

@@ -19,7 +19,7 @@ from clutchid.processes import Timing
 from clutchid.wear.history import Leak, RecordingJob
 from clutchid.wear.tables import read_fleet_table
 from fixtures.lives import reading
-from fixtures.results import half_load, load, write_fleet
+from fixtures.results import half_load, load, write_fleet, write_states
 
 #: The columns of every table, as they are written; additions are made here, and renaming is an error.
 GOLDEN = Path(__file__).with_name("schema.txt")
@@ -172,6 +172,19 @@ def test_further_columns_of_a_table_are_tags_of_its_rows(tmp_path):
     results = filled(tmp_path / "out", [row("r1", tags=tags["r1"]), row("r2", day=2, tags=tags["r2"]), row("r3")])
     assert results.select("tag_depot_city", "tag_contract_no").rows() == [("Ulm", "7"), (None, "8"), (None, None)]
     assert results.columns[:3] == ["vehicle", "type", "recording"]
+
+
+def test_the_last_tags_of_a_vehicle_are_in_its_row_also_where_nothing_is_new(tmp_path):
+    depots = {2: ("depot", "Bonn"), 1: ("depot", "Ulm"), 3: ("contract", "7"), 4: ("depot", "unread")}
+    rows = [
+        (RecordingJob(f"r{day}", "V1", begin=datetime(2026, 1, day, tzinfo=UTC), tags=(tag,)), reading(1e-4 * day))
+        for day, tag in depots.items()
+    ]
+    rows[3] = rows[3][0], rows[3][1]._replace(status="failed")
+    for _ in range(2):
+        write_states(tmp_path, [*rows, (RecordingJob("r", "V2"), reading(0.0))])
+        table = pl.read_parquet(tmp_path / "vehicles.parquet").select("vehicle", "tag_contract", "tag_depot")
+        assert table.rows() == [("V1", "7", "Bonn"), ("V2", None, None)]
 
 
 def test_duckdb_reads_every_table_as_it_was_written(tmp_path):

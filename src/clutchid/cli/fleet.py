@@ -101,7 +101,7 @@ def fleet(
     ----------
     source
         A folder, in which each folder of recordings is a vehicle; or a table (CSV) with recording, vehicle and type.
-        Both may be an address of objects, such as s3://bucket/fleet.
+        Both may be an address of objects, such as s3://bucket/fleet; a table also one of a web server.
     start
         Calibration (TOML) for all, or a folder with one for each type or vehicle: TYPE.toml or VEHICLE.toml; with
         track, a table of wear TYPE.wear.csv or VEHICLE.wear.csv beside it is used.

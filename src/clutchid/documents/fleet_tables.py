@@ -39,11 +39,11 @@ class VehicleRow(NamedTuple):
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
     ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
-    some do not count.
+    some do not count, `tags` the last values of further columns of the table of recordings.
 
     With a limit of a `quantity` also the forecast with the vehicles of its `pool`: `left_days` and `left_km` as
-    `left`, probabilities
-    `within` the horizons of `clutchid.wear.due` (km, then days) and `by_month`; `evidence` is what it is made from.
+    `left`, probabilities `within` the horizons of `clutchid.wear.due` (km, then days) and `by_month`; `evidence` is
+    what it is made from.
     """
 
     name: str
@@ -63,6 +63,7 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
     reasons: tuple[ReasonCount, ...] = ()
+    tags: tuple[tuple[str, str], ...] = ()
     pool: str = ""
     quantity: str = "shift"
     evidence: str = ""

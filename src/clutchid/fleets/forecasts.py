@@ -78,10 +78,8 @@ def horizon_of(text: str) -> Horizon | None:
         raise ParameterError(f"--within {text}: is a distance, a time or a day: 20000km, 90d or 2027-03-01.") from None
 
 
-def forecast_of(
-    rows: Sequence[VehicleRow], tags: Sequence[dict[str, str]] = (), horizon: Horizon | None = None
-) -> FleetForecast:
-    """The forecast of all vehicles; `tags` are those of each vehicle, by which replacements are counted too."""
+def forecast_of(rows: Sequence[VehicleRow], horizon: Horizon | None = None) -> FleetForecast:
+    """The forecast of all vehicles; with a horizon also which are due within it."""
     groups: dict[tuple[str, str, str], list[int]] = defaultdict(list)
     for i, row in enumerate(rows):
         if row.evidence:
@@ -101,7 +99,7 @@ def forecast_of(
             shares = reached_within(evidence, pool, *_distance(own, horizon))
             due += [_due(result[i], share) for i, share in zip(places, shares.tolist(), strict=True)]
     listed = sorted((row for row in due if row.probability == row.probability), key=lambda row: -row.probability)
-    return FleetForecast(result, types, _replacements(tags, by_month, common), tuple(listed))
+    return FleetForecast(result, types, _replacements(rows, by_month, common), tuple(listed))
 
 
 def _due(row: VehicleRow, probability: float) -> DueVehicle:
@@ -143,15 +141,15 @@ def _spread(spread: TypeSpread, factor: float) -> Interval:
     return Interval(*(factor * float(np.exp(mean + z * std)) for z in (0.0, -_NINETY, _NINETY)))
 
 
-def _replacements(tags: Sequence[dict[str, str]], by_month: FloatArray, common: FloatArray) -> list[ReplacementRow]:
+def _replacements(rows: Sequence[VehicleRow], by_month: FloatArray, common: FloatArray) -> list[ReplacementRow]:
     """Replacements by month of all vehicles, then by each value of their tags."""
     groups: dict[tuple[str, str], list[int]] = defaultdict(list)
-    for i, own in enumerate(tags):
-        for tag in own.items():
+    for i, row in enumerate(rows):
+        for tag in row.tags:
             groups[tag].append(i)
-    rows = []
+    table = []
     for (name, value), places in [(("", ""), list(range(len(by_month)))), *sorted(groups.items())]:
         counts = replacements(by_month[places], common[places])
         columns = zip(*(side.tolist() for side in counts), strict=True)
-        rows += [ReplacementRow(name, value, month, *numbers) for month, numbers in enumerate(columns, start=1)]
-    return rows
+        table += [ReplacementRow(name, value, month, *numbers) for month, numbers in enumerate(columns, start=1)]
+    return table

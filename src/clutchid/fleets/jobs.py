@@ -21,6 +21,7 @@ from clutchid.fleets.store import StoredRow
 from clutchid.messages import listed
 from clutchid.names import as_text
 from clutchid.verbs.folders import (
+    FilesByName,
     FolderContent,
     files_by_name,
     folder_content,
@@ -87,7 +88,7 @@ def fleet_of(source: str | PathLike[str], start: Path) -> Fleet:
         stamps, is_folder = {}, root == path_of(source)
     if rows is not None:
         files = files_by_name(content, {row.recording for row in rows})
-        located, renamed = _one_type_each([files.located(row) for row in rows], source)
+        located, renamed = _one_type_each([_located(row, root, objects, stamps, files) for row in rows], source)
         beside = _unlisted(located, content) if is_folder else ""
     else:
         located, renamed = _in_folders(root, content.recordings)
@@ -139,6 +140,8 @@ def row_of(source: str | PathLike[str], job: RecordingJob) -> RecordingJob:
 def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
     """Objects below an address, or beside a table there, each with a path that stands for it, and their stamps."""
     objects, name = _table_place(source)
+    if objects.is_web:
+        return _on_web(objects, name, is_folder=objects == source)
     stamps, root = objects.stamps(), objects.root
     if not stamps:
         raise NoRecordingsError(f"{source.address}: there are no objects.")
@@ -148,6 +151,42 @@ def _objects(source: Objects) -> tuple[Objects, _Rows, FolderContent, Mapping[Pa
     rows = _rows(objects, name, stamps[name]) if name in stamps else None
     by_path = {root / other: stamp for other, stamp in stamps.items()}
     return objects, rows, recordings_and_others(shown, len(stamps) - len(paths)), by_path
+
+
+def _on_web(
+    objects: Objects, table: str, *, is_folder: bool
+) -> tuple[Objects, _Rows, FolderContent, Mapping[Path, str]]:
+    """The rows of a table on a web server, and the stamps of the files that it names."""
+    if is_folder:
+        where = f"{objects.address}/{table}"
+        raise DataError(f"{objects.address}: cannot be listed; name the table of its recordings, such as {where}.")
+    rows = _rows(objects, table, "")
+    paths = list({row.path for row in rows if row.path and not _is_outside(row.path)})
+    stamps = zip((objects.root / path for path in paths), objects.stamps_of([*map(Path.as_posix, paths)]), strict=True)
+    return objects, rows, FolderContent((), (), 0), dict(stamps)
+
+
+def _is_outside(path: Path) -> bool:
+    """Whether a path of a table may lead out of its folder."""
+    return path.is_absolute() or ".." in path.parts
+
+
+def _located(
+    row: RecordingJob, root: Path, objects: Objects | None, stamps: Mapping[Path, str], files: FilesByName
+) -> RecordingJob:
+    """A row with the file to which its path leads from the folder of the table, else with the one of its name."""
+    path = row.path or Path(row.recording)
+    whole = root / path
+    if objects and objects.is_web:
+        outside = _OUTSIDE.format(as_text(str(path))) if _is_outside(path) else ""
+        return replace(row, path=None if outside else whole, problem=outside)
+    if len(path.parts) > 1 and (whole in stamps if objects else is_there(whole) and whole.is_file()):
+        return replace(row, path=whole)
+    return files.located(row)
+
+
+#: Problem of a row of a table on a web server.
+_OUTSIDE = "'{}' leads out of the folder of the table, in which its files must lie; move it there."
 
 
 def _table_place(source: Objects) -> tuple[Objects, str]:

@@ -15,7 +15,7 @@ from clutchid.errors import ParameterError
 from clutchid.fleets.jobs import Fleet, row_of, with_dependencies, with_own_calibration
 from clutchid.fleets.parts import recordings_frame, write_once
 from clutchid.fleets.plan import now, read_object, reader_of
-from clutchid.fleets.storage import Folder, Objects, objects_at, path_of
+from clutchid.fleets.storage import Folder, Objects, objects_at, path_of, target_at
 from clutchid.fleets.store import StoredRow, stored_row
 from clutchid.names import as_text
 from clutchid.processes import Timing
@@ -133,7 +133,7 @@ def fleet_once(
     >>> rows[0]["vehicle"], rows[1]["status"], len(parts)
     ('V1', 'bad_input', 1)
     """
-    address = objects_at(recording)
+    address, target = objects_at(recording), target_at(out)
     if address:
         folder = Objects(address.address.rpartition("/")[0])
         job = _job(folder.root / address.name, as_text(folder.name), Path(start), source)
@@ -143,7 +143,7 @@ def fleet_once(
         path = path_of(recording)
         fleet = Fleet((_job(path, as_text(path.resolve().parent.name), Path(start), source),))
     row = _read(fleet, Reading(ambient=ambient, channels=channels, dbc=tuple(dbc)), reader_of(verb, by))
-    write_once(row, objects_at(out) or Folder(path_of(out)))
+    write_once(row, target or Folder(path_of(out)))
     return _shown(row)
 
 

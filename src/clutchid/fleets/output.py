@@ -196,6 +196,7 @@ def _restored(text: str) -> VehicleRow:
         last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
         load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
         warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
+        tags=tuple((name, value) for name, value in row.tags),
         left_days=UNKNOWN_INTERVAL, left_km=UNKNOWN_INTERVAL, within=(), by_month=(),
     )  # fmt: skip
 
@@ -212,8 +213,9 @@ def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool)
 
     rows = fleet.rows
     if trends:
+        tags = dict.fromkeys(sorted({f"tag_{name}" for row in rows for name, _ in row.tags}), pl.String)
         for file, schema_of, listed in (
-            (VEHICLES, _vehicle_schema(), map(_listed, rows)),
+            (VEHICLES, _vehicle_schema() | tags, map(_listed, rows)),
             (TYPES, _type_schema(), map(_listed_type, fleet.types)),
             (
                 REPLACEMENTS,
@@ -249,14 +251,16 @@ def _row(wear: Wear, page: str) -> VehicleRow:
     now = wear.present if counted else {}
     left = Interval(wear.left.median, wear.left.low, wear.left.high) if wear.left else UNKNOWN_INTERVAL
     last = next((job.begin for job in reversed(wear.dated) if job.begin), None)
+    jobs = [*(job for job, _ in wear.apart), *wear.dated]  # those that have a place in its life say what holds last
     return VehicleRow(
         wear.vehicle, wear.rows[0].job.type, wear.recordings, counted,
         Counter(row.reading.status for row in wear.rows if not row.reading.apart), last,
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
-        wear.warnings, _reasons_of(wear), _pool(wear.rows[0].job),
-        "shift" if wear.end_of_table is None else "wear", wear.evidence.packed if wear.evidence else "",
+        wear.warnings, _reasons_of(wear), tuple({name: value for job in jobs for name, value in job.tags}.items()),
+        _pool(wear.rows[0].job), "shift" if wear.end_of_table is None else "wear",
+        wear.evidence.packed if wear.evidence else "",
     )  # fmt: skip
 
 
@@ -337,7 +341,7 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
             for end, side in zip(SIDES, band, strict=True)} if row.within else {}),
         **dict(zip(_WITHIN, row.within, strict=False)),
         "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
-        "file": row.page.removesuffix(".html"),
+        "file": row.page.removesuffix(".html"), **{f"tag_{name}": value for name, value in row.tags},
     }  # fmt: skip
 
 

@@ -11,7 +11,9 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from functools import partial
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -166,6 +168,18 @@ def _read_part(storage: Storage, name: str, *, whole: bool = True) -> pl.DataFra
     raise DataError(f"{name}: is no part of this table ({columns} is missing or of another type); {_DELETE}")
 
 
+#: Parts that are read at the same time, and that are read ahead.
+_TOGETHER, _AHEAD = 16, 128
+
+
+def _read_parts(storage: Storage, names: Sequence[str]) -> Iterator[tuple[str, pl.DataFrame]]:
+    """Parts with their names in this order, by threads, since most of the time an answer of the storage is awaited."""
+    with ThreadPoolExecutor(_TOGETHER) as pool:
+        for first in range(0, len(names), _AHEAD):
+            some = names[first : first + _AHEAD]
+            yield from zip(some, pool.map(partial(_read_part, storage), some), strict=True)
+
+
 #: Columns of a part that the index needs.
 _NEEDED = ("vehicle", "recording", "status", "sha256", "written_at", *LOAD_COLUMNS, _RECORD)
 
@@ -184,9 +198,9 @@ def adopt(store: Store, storage: Storage) -> None:
     if not names - indexed.keys():
         return
     newest = {key: (entry.read_at, "" if entry.part in names else _LOST) for key, entry in store.keys().items()}
-    for name in sorted(names - indexed.keys()):
+    last = 0.0
+    for name, table in _read_parts(storage, sorted(names - indexed.keys())):
         rows = []
-        table = _read_part(storage, name)
         for entry in table.iter_rows(named=True):
             row = _restored(entry)
             key, age = row[:2], (row.read_at, entry["written_at"].isoformat())
@@ -196,6 +210,7 @@ def adopt(store: Store, storage: Storage) -> None:
                 rows.append(row._replace(part=name))
         store.put(rows)
         store.set_part(name, table.height)
+        last = store.saved(last)
 
 
 #: Age of a row whose part is gone, below that of every part.
@@ -219,6 +234,7 @@ def append(store: Store, storage: Storage, *, fold: bool = True) -> bool:
         name = _part_name(date, [row.checksum for row in some])
         storage.write(name, part_content(recordings_frame(some)))
         store.set_part(name, len(some), [row[:2] for row in some])
+        store.saved()
     if fold:
         _fold(store, storage)
     return store.parts() != before
@@ -234,13 +250,14 @@ def _fold(store: Store, storage: Storage) -> None:
             small[match[1]].append(name)
     for date, names in small.items():
         if len(names) > 1:
-            tables = [_read_part(storage, name) for name in names]
-            table = pl.concat(tables, how="diagonal_relaxed").unique(["vehicle", "recording", _RECORD], keep="first")
-            folded = table.sort("vehicle", "recording", "written_at")
+            tables = [table for _, table in _read_parts(storage, names)]
+            table = pl.concat(tables, how="diagonal_relaxed").sort("vehicle", "recording", "written_at")
+            folded = table.unique(["vehicle", "recording", _RECORD], keep="last", maintain_order=True)
             content = map(str, folded.select("vehicle", "recording", _RECORD).rows())
             name = _part_name("" if date == _NO_DATE else date, content)
             storage.write(name, part_content(folded))
             store.set_part(name, folded.height, old=[other for other in names if other != name])
+            store.saved()
             storage.delete([other for other in names if other != name])
 
 

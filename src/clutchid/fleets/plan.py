@@ -209,7 +209,7 @@ def recording_states(jobs: Iterable[RecordingJob], keys: Mapping[RecordingKey, S
     states = []
     for job in jobs:
         entry = keys.get(key_of(job))
-        if entry is None or (job.problem and (job.path or not entry.has_result)):
+        if entry is None or entry.is_forgotten or (job.problem and (job.path or not entry.has_result)):
             states.append(RecordingState(job))
             continue
         gone = entry.has_result and (not job.file or entry.file not in ("", job.file))

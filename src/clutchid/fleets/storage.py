@@ -1,7 +1,7 @@
 """Where the recordings and the tables of a fleet lie: a folder, or objects at an address such as ``s3://bucket/fleet``.
 
 Objects are those of S3, Google Cloud Storage or Azure, by obstore (extra ``cloud``), with the credentials and endpoints
-of the environment.
+of the environment, or files of a web server, which can be read by name, and neither listed nor written.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
 from os import PathLike
@@ -17,24 +18,21 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 from urllib.parse import unquote
 
-from clutchid.errors import ClutchidError, DataError, ExportError, missing
+from clutchid.errors import ClutchidError, DataError, ExportError, ParameterError, missing
 from clutchid.files import make_folder, write_bytes
 
 if TYPE_CHECKING:
     from obstore import GetOptions, ObjectMeta
     from obstore.store import ObjectStore
 
-#: Schemes of addresses of objects that can be listed.
-SCHEMES = ("s3", "gs", "az")
-
 #: An address, of which `Path` leaves one slash.
-_ADDRESS = re.compile(rf"({'|'.join((*SCHEMES, 'file'))}):[/\\]+(.*)")
+_ADDRESS = re.compile(r"(s3|gs|az|https?|file):[/\\]+(.*)")
 
 #: Bytes of an object that are read at a time, and how often an object is asked for that ends in the middle.
 _CHUNK, _ATTEMPTS = 4_000_000, 4
 
-#: Objects that are deleted together.
-_DELETED = 1000
+#: Objects that are deleted together, and that are asked for at the same time.
+_DELETED, _TOGETHER = 1000, 16
 
 
 #: Folder of the parts of the table of recordings.
@@ -91,14 +89,20 @@ class Folder(NamedTuple):
 
 
 class Objects(NamedTuple):
-    """Objects below an address, such as ``s3://bucket/fleet``."""
+    """Objects below an address, such as ``s3://bucket/fleet``, or on a web server."""
 
     address: str
 
     @property
+    def is_web(self) -> bool:
+        """Whether they are files of a web server."""
+        return self.address.startswith("http")
+
+    @property
     def name(self) -> str:
         """Last part of the address."""
-        return PurePosixPath(self.address).name
+        name = PurePosixPath(self.address).name
+        return unquote(name) if self.is_web else name
 
     @property
     def root(self) -> Path:
@@ -106,19 +110,45 @@ class Objects(NamedTuple):
         return Path("/", *self.address.split("/")[2:])
 
     def stamps(self, under: str = "") -> dict[str, str]:
-        """Size and ETag of each object below a prefix, by its name."""
+        """Stamp of each object below a prefix, by its name."""
         import obstore
 
         with self._reached():
             pages = obstore.list(_store(self.address), prefix=under.rstrip("/") or None)
-            return {entry["path"]: _stamp(entry) for page in pages for entry in page}
+            return {entry["path"]: self._stamp(entry) for page in pages for entry in page}
 
     def stamp(self, name: str) -> str:
-        """Size and ETag of an object."""
+        """Stamp of an object."""
         import obstore
 
         with self._reached(name):
-            return _stamp(obstore.head(_store(self.address), name))
+            return self._stamp(obstore.head(_store(self.address), name))
+
+    def stamps_of(self, names: Sequence[str]) -> list[str]:
+        """Stamps of objects by their names, without a listing; empty of what is not there or is refused."""
+
+        def stamp(name: str) -> str:
+            try:
+                return self.stamp(name)
+            except _UnsteadyError:
+                raise
+            except DataError:
+                return ""
+
+        with ThreadPoolExecutor(_TOGETHER) as pool:
+            return [*pool.map(stamp, names)]
+
+    def _stamp(self, entry: ObjectMeta) -> str:
+        """Size and ETag of an object; on a web server with its name, since two files may have one ETag there.
+
+        A web server without ETags has the time of the file; a list of Azure has ETags without the quotes that belong
+        to them.
+        """
+        etag = entry["e_tag"] or ""
+        if self.is_web:
+            where = unquote(f"{self.address}/{entry['path']}")
+            return f"{entry['size']} {etag or entry['last_modified'].isoformat()} {where}"
+        return f"{entry['size']} {etag if etag.endswith(chr(34)) else f'{chr(34)}{etag}{chr(34)}'}"
 
     def names(self, under: str) -> Iterator[str]:
         """Names below a folder, which ends with `/`."""
@@ -156,6 +186,8 @@ class Objects(NamedTuple):
     def staged(self, name: str, stamp: str) -> Iterator[Path]:
         """An object as a file of its name, which is deleted after; where it ends in the middle, the rest is asked for.
 
+        An empty stamp is that of today.
+
         Raises
         ------
         DataError
@@ -163,8 +195,8 @@ class Objects(NamedTuple):
         """
         import obstore
 
-        text, _, etag = stamp.partition(" ")
-        size = int(text)
+        stamp = stamp or self.stamp(name)
+        size = int(stamp.partition(" ")[0])
         with tempfile.TemporaryDirectory(prefix="clutchid-") as folder:
             path = Path(folder) / PurePosixPath(name).name
             with path.open("wb") as file:
@@ -173,8 +205,12 @@ class Objects(NamedTuple):
                         break
                     try:
                         with self._reached(name):
-                            rest: GetOptions = {"if_match": etag, "range": (file.tell(), size)}
-                            for chunk in obstore.get(_store(self.address), name, options=rest).stream(_CHUNK):
+                            # not every web server sends a part of a file
+                            rest: GetOptions = {"range": (file.tell(), size)} if file.tell() else {}
+                            content = obstore.get(_store(self.address), name, options=rest)
+                            if self._stamp(content.meta) != stamp:
+                                raise DataError(f"{self.address}/{name}: {_STALE}")
+                            for chunk in content.stream(_CHUNK):
                                 file.write(chunk)
                     except _UnsteadyError:
                         if attempt == _ATTEMPTS:
@@ -194,23 +230,21 @@ class Objects(NamedTuple):
         except PreconditionError as error:
             raise kind(f"{where}: {_STALE}") from error
         except (PermissionDeniedError, UnauthenticatedError) as error:
-            raise kind(f"{where}: access is refused ({_first(error)}); {_CREDENTIALS}") from error
+            raise kind(f"{where}: access is refused ({_first(error)}); {_access(where)}") from error
         except (BaseError, OSError) as error:
-            said = f"{where}: cannot be reached ({_first(error)}); {_CREDENTIALS}"
+            said = f"{where}: cannot be reached ({_first(error)}); {_access(where)}"
             raise (_UnsteadyError if kind is DataError else kind)(said) from error
-
-
-def _stamp(entry: ObjectMeta) -> str:
-    """Size and ETag of an object; a list of Azure has ETags without the quotes that belong to them."""
-    etag = entry["e_tag"] or ""
-    return f"{entry['size']} {etag if etag.endswith(chr(34)) else f'{chr(34)}{etag}{chr(34)}'}"
 
 
 #: What is said of an object that has another ETag, or none.
 _STALE = "has changed or was deleted since it was listed; run the same command again."
 
-#: Where credentials come from.
-_CREDENTIALS = "credentials and endpoint are those of the environment, see docs/commands/fleet.md."
+
+def _access(address: str) -> str:
+    """Where the credentials for an address come from."""
+    web = "only web addresses that need no password are read"
+    stores = "credentials and endpoint are those of the environment"
+    return f"{web if address.startswith('http') else stores}, see docs/commands/fleet.md."
 
 
 class NoObjectError(DataError):
@@ -222,10 +256,10 @@ class _UnsteadyError(DataError):
 
 
 def _first(error: Exception) -> str:
-    """Words of a storage: its code where it has one, else the first line."""
+    """Words of a storage: its code where it has one, else the end of the first line, after what was tried how often."""
     text = str(error)
     codes = re.findall(r"<Code>(\w+)</Code>", text)
-    return codes[0] if codes else text.splitlines()[0][:160]
+    return codes[0] if codes else text.splitlines()[0].rpartition(" - ")[2][:160].strip(" :")
 
 
 @lru_cache(maxsize=16)
@@ -233,13 +267,15 @@ def _store(address: str) -> ObjectStore:
     """The storage at an address, one a process."""
     try:
         from obstore.exceptions import BaseError
-        from obstore.store import from_url
+        from obstore.store import HTTPStore, from_url
     except ImportError as error:
         raise missing(f"{address}", "obstore", "cloud") from error
     try:
+        if address.startswith("http"):
+            return HTTPStore(address, client_options={"allow_http": address.startswith("http:")})
         return from_url(address)
     except (BaseError, ValueError) as error:
-        raise DataError(f"{address}: cannot be used ({_first(error)}); {_CREDENTIALS}") from error
+        raise DataError(f"{address}: cannot be used ({_first(error)}); {_access(address)}") from error
 
 
 def objects_at(path: str | PathLike[str]) -> Objects | None:
@@ -248,8 +284,22 @@ def objects_at(path: str | PathLike[str]) -> Objects | None:
     if match is None or match[1] == "file":
         return None
     objects = Objects(f"{match[1]}://{match[2].replace(chr(92), '/')}".rstrip("/"))
+    if objects.is_web and re.search(r"[?#]|^[^/]*@", match[2]):
+        raise DataError(
+            f"{match[1]} address: has a query (?), a fragment (#) or a password (@); name one without them."
+        )
     _store(objects.address)
     return objects
+
+
+def target_at(path: str | PathLike[str]) -> Objects | None:
+    """The objects at an address to write to; None for a path of this machine."""
+    target = objects_at(path)
+    if target and target.is_web:
+        raise ParameterError(
+            f"--out {target.address}: a web server can only be read; name a folder, or objects such as s3://bucket/wear."
+        )
+    return target
 
 
 def path_of(path: str | PathLike[str]) -> Path:

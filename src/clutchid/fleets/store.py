@@ -27,6 +27,9 @@ from clutchid.wear.history import RecordingJob, WearReading, dated, packed_readi
 #: Time in s after which results are on the disk at the latest.
 COMMIT = 0.5
 
+#: Status of the row of a recording that was left out.
+_FORGOTTEN = "forgotten"
+
 #: Codes of SQLite where a file cannot be opened to write, which has nothing to do with room on the disk.
 _CLOSED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
 
@@ -75,6 +78,11 @@ class StoredRow(NamedTuple):
     def has_result(self) -> bool:
         """Whether it was read."""
         return self.status in ("ok", "warning")
+
+    @property
+    def is_forgotten(self) -> bool:
+        """Whether it says that the recording was left out."""
+        return self.status == _FORGOTTEN
 
     @property
     def calibration(self) -> str:
@@ -153,9 +161,21 @@ class Store:
             _insert(self.base, [new._replace(part=row.part if same_row else "") for new, row, same_row in as_before])
 
     def forget(self, keys: Iterable[tuple[str, str]]) -> None:
-        """Delete recordings by vehicle and recording."""
-        with _room(self.path):
-            self.base.executemany("DELETE FROM done WHERE vehicle = ? AND recording = ?", list(keys))
+        """Replace rows by vehicle and recording by ones that say so, for the parts have the readings too."""
+        rows = [row for key in keys for row in self._rows("WHERE vehicle = ? AND recording = ?", *key)]
+        reading, curve = packed_reading(WearReading(_FORGOTTEN, "its file is gone, or has another name.", apart=True))
+        self.put(
+            row._replace(
+                inputs="",
+                file="",
+                status=_FORGOTTEN,
+                reading=reading,
+                curve=curve,
+                timing=json.dumps(_NOT_DONE),
+                part="",
+            ).with_checksum()
+            for row in rows
+        )
 
     def parts(self) -> dict[str, int]:
         """The parts of the table that the index knows, each with its number of rows."""
@@ -163,7 +183,10 @@ class Store:
             return dict(self.base.execute("SELECT part, count FROM parts ORDER BY part"))
 
     def set_part(self, part: str, count: int, rows: Iterable[tuple[str, str]] = (), old: Iterable[str] = ()) -> None:
-        """Keep that a part has been written, which holds rows by vehicle and recording, and those of `old` parts."""
+        """Keep that a part has been written, which holds rows by vehicle and recording, and those of `old` parts.
+
+        It is on the disk after `saved`.
+        """
         with _room(self.path):
             self.base.execute("INSERT OR REPLACE INTO parts VALUES (?, ?)", (part, count))
             where = "UPDATE done SET part = ? WHERE vehicle = ? AND recording = ?"
@@ -175,7 +198,6 @@ class Store:
             self.base.executemany("INSERT INTO folded VALUES (?)", before)
             if before:
                 self.base.execute("UPDATE done SET part = ? WHERE part IN (SELECT part FROM folded)", (part,))
-            self.base.commit()
 
     def lose_parts(self, names: Iterable[str]) -> None:
         """Forget parts that are not there any more, so that their rows are in no part."""

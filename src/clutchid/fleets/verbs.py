@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from itertools import groupby
 from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -41,7 +40,17 @@ from clutchid.fleets.plan import (
     reader_of,
     recording_states,
 )
-from clutchid.fleets.storage import Folder, Objects, Storage, objects_at, path_of, scratch_of, times_of, upload
+from clutchid.fleets.storage import (
+    Folder,
+    Objects,
+    Storage,
+    objects_at,
+    path_of,
+    scratch_of,
+    target_at,
+    times_of,
+    upload,
+)
 from clutchid.fleets.store import Store, StoredRow, run_store
 from clutchid.messages import listed as listed_names
 from clutchid.names import as_text
@@ -121,7 +130,7 @@ def fleet(
     ----------
     source : path
         A folder, in which each folder of recordings is a vehicle, or a table with recording, vehicle and type. It may
-        be an address of objects, such as ``s3://bucket/fleet`` (extra ``cloud``).
+        be an address of objects, such as ``s3://bucket/fleet`` (extra ``cloud``), a table also one of a web server.
     start : path
         Calibration for all, or a folder with one for each type or vehicle.
     out : path
@@ -227,8 +236,7 @@ def fleet(
             write_results(states, base, storage, folder)
         trends = verb == "track"
         rows = vehicles_of(states, base, limits, command, folder, trends=trends)
-        tags = [dict(own.tags) for own in _newest(states)]
-        forecast = forecast_of(rows, tags if trends else (), horizon)
+        forecast = forecast_of(rows, horizon)
         write_tables(forecast, command, folder, trends=trends)
         if places.target:
             upload(folder, before, places.target)
@@ -237,14 +245,6 @@ def fleet(
     named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
     failure = _failure(rows, fail_share, named, trends=trends)
     return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure, forecast.due)
-
-
-def _newest(states: Sequence[RecordingState]) -> list[RecordingJob]:
-    """The newest recording of each vehicle that has tags, or else its first one, in the order of the vehicles."""
-    return [
-        max((state.job for state in own), key=lambda job: (bool(job.tags), job.begin.timestamp() if job.begin else 0.0))
-        for _, own in groupby(states, key=lambda state: state.job.vehicle)
-    ]
 
 
 class _Work(NamedTuple):
@@ -310,7 +310,7 @@ class _Places(NamedTuple):
 
 
 def _places(source: str | PathLike[str], out: str | PathLike[str]) -> _Places:
-    objects, target = objects_at(source), objects_at(out)
+    objects, target = objects_at(source), target_at(out)
     if target and target == objects:
         raise ParameterError(f"--out {target.address}: is the fleet itself; name a folder of its own.")
     origin = objects.address if objects else str(path_of(source).resolve())

@@ -137,7 +137,7 @@ class FilesByName:
             return replace(row, path=files[0])
         names = [f"'{as_text(str(path))}'" for path in sorted(files)[:3]]
         problem = f"several files have its name: {', '.join(names)}; rename all but one." if names else _ABSENT
-        return replace(row, problem=problem)
+        return replace(row, path=None, problem=problem)
 
 
 def files_by_name(content: FolderContent, names: Collection[str]) -> FilesByName:

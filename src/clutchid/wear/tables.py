@@ -157,6 +157,7 @@ def _listed(row: Mapping[str, str]) -> RecordingJob:
         begin.replace(tzinfo=UTC) if begin and not begin.tzinfo else begin,
         _number(row, "odometer_km", _MOST_KM),
         _number(row, "strokes", _MOST_STROKES),
+        Path(name),
         tags=tuple((tag, row[column]) for column in row if (tag := tag_of(column)) and row[column]),
     )
 
