@@ -14,11 +14,14 @@ from scipy import special
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
+from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves, suspects
 from clutchid.wear.history import Axis, RecordingJob, WearReading, arranged
 from clutchid.wear.trend import (
+    AGED,
     CHANNELS,
     GROWTH,
+    LEAKING,
+    LEAKS,
     LIFE,
     SURE,
     Band,
@@ -163,6 +166,8 @@ class Wear:
         Largest wear in the table, at which the result is cut off; None without a table.
     waiting
         Numbers of the outliers that may be the first recording of a change.
+    suspects
+        Possible changes and wrong files, which are in the list of a fleet only.
 
     Examples
     --------
@@ -190,6 +195,7 @@ class Wear:
     apart: tuple[tuple[RecordingJob, WearReading], ...] = ()
     end_of_table: float | None = None
     waiting: frozenset[int] = frozenset()
+    suspects: tuple[Alarm, ...] = ()
 
     @property
     def recordings(self) -> int:
@@ -201,6 +207,13 @@ class Wear:
         """A change of the load that no new clutch is known to explain: rate and what is left are unknown after it."""
         changes = [alarm for alarm in self.alarms if alarm.kind in CHANGED]
         return changes[-1] if changes and changes[-1].kind != "replaced" else None
+
+    @property
+    def aged(self) -> float:
+        """Leak [m³/(Pa·s)] of the last recordings, certain and below one that is an alarm; 0 without one."""
+        leaks = [reading.leak for reading in self.readings[-LEAKS:]]
+        certain = len(leaks) == LEAKS and all(leak and leak.probability > LEAKING for leak in leaks)
+        return leaks[-1].conductance if certain and leaks[-1] and leaks[-1].conductance <= AGED else 0.0
 
     @property
     def present(self) -> dict[str, Interval]:
@@ -301,6 +314,7 @@ def wear_of(
         alarms(dated, ordered, results, then, moves), limit if table is None else end, None,
         (*warnings, *history.warnings), tuple(moves), apart,
         None if table is None else float(table.wear[-1]), frozenset(waiting),
+        suspects(dated, ordered, measurements, results, then),
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
         return wear
