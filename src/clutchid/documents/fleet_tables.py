@@ -14,7 +14,7 @@ from clutchid.documents.style import MM
 from clutchid.documents.tables import Cell, Column, Link, ReportTable
 from clutchid.log import FloatArray
 from clutchid.names import capital, natural, printable
-from clutchid.wear import LIFE, Axis, Interval
+from clutchid.wear import LIFE, Alarm, Axis, Interval
 
 
 class ReasonCount(NamedTuple):
@@ -35,7 +35,7 @@ class VehicleRow(NamedTuple):
     and so is what is `left` to the limit: median and 90 % interval, infinite beyond five lives. `alarms` are
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
     ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
-    some do not count.
+    some do not count. `events` are the alarms, with those that are in the list of the fleet only.
     """
 
     name: str
@@ -55,6 +55,7 @@ class VehicleRow(NamedTuple):
     limit: float = float("nan")
     warnings: tuple[str, ...] = ()
     reasons: tuple[ReasonCount, ...] = ()
+    events: tuple[Alarm, ...] = ()
 
     @property
     def has_result(self) -> int:

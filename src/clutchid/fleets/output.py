@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from clutchid.documents import FleetWear, WornClutch, document_of, write_page
 from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
+from clutchid.fleets.alarm_table import ALARM_LIST, alarm_list, list_words
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
@@ -28,6 +29,7 @@ from clutchid.fleets.store import Store, StoredRow, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
 from clutchid.verbs.wear_reading import later_calibrations
+from clutchid.wear import Alarm
 from clutchid.wear.columns import SIDES, banded
 from clutchid.wear.history import RecordingJob
 from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, Wear, to_estimate, wear_of
@@ -77,7 +79,7 @@ def results_table(states: Sequence[RecordingState], store: Store, storage: Stora
 
 
 def _by_vehicle(states: Sequence[RecordingState]) -> Iterator[tuple[str, list[RecordingState]]]:
-    return ((vehicle, list(own)) for vehicle, own in groupby(states, key=lambda state: state.job.vehicle))
+    return ((vehicle, list(own)) for vehicle, own in itertools.groupby(states, key=lambda state: state.job.vehicle))
 
 
 #: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
@@ -185,18 +187,23 @@ def _packed(value: object) -> object:
     raise TypeError(value)
 
 
+def _instant(text: object) -> datetime | None:
+    return datetime.fromisoformat(text) if isinstance(text, str) else None
+
+
 def _restored(text: str) -> VehicleRow:
     """The row of a vehicle from its text."""
     row = VehicleRow(*json.loads(text))
     return row._replace(
-        last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
+        last=_instant(row.last), shift=Interval(*row.shift),
         load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
         warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
+        events=tuple(alarm._replace(begin=_instant(alarm.begin)) for alarm in itertools.starmap(Alarm, row.events)),
     )  # fmt: skip
 
 
-def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends: bool) -> None:
-    """Write the page of a fleet, and with `trends` the table of its vehicles.
+def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends: bool, false_share: float = 0.1) -> str:
+    """Write the page of a fleet, and with `trends` the tables of its vehicles and alarms; what is listed, in words.
 
     Raises
     ------
@@ -208,7 +215,10 @@ def write_tables(rows: Sequence[VehicleRow], command: str, out: Path, *, trends:
     if trends:
         table = pl.DataFrame([_listed(row) for row in rows], schema=_vehicle_schema(), orient="row")
         write_bytes(part_content(table.fill_nan(None)), out / VEHICLES)
+        alarms = alarm_list(rows, false_share)
+        write_bytes(part_content(alarms), out / ALARM_LIST)
     write_page(document_of(FleetWear(rows, _reasons(rows)), command), out / _INDEX)
+    return list_words(alarms) if trends else ""
 
 
 def _file_name(vehicle: str, taken: set[str]) -> str:
@@ -240,7 +250,7 @@ def _row(wear: Wear, page: str) -> VehicleRow:
         now.get("shift", UNKNOWN_INTERVAL), now.get("load", UNKNOWN_INTERVAL), now.get("wear", UNKNOWN_INTERVAL),
         wear.present_rate.value, left, wear.axis,
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
-        wear.warnings, _reasons_of(wear),
+        wear.warnings, _reasons_of(wear), (*wear.alarms, *wear.suspects),
     )  # fmt: skip
 
 

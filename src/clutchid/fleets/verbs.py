@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
+from clutchid.fleets.alarm_table import check_false_share
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.jobs import (
     Fleet,
@@ -72,6 +73,8 @@ class FleetRun:
         What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
     failure
         Why the run as a whole has failed, in a sentence; empty if it has not.
+    alarms
+        With 'track': how many alarms are listed, and how many of them are expected to be false.
 
     Examples
     --------
@@ -86,6 +89,7 @@ class FleetRun:
     out: Path | str
     warnings: tuple[str, ...] = ()
     failure: str = ""
+    alarms: str = ""
 
 
 @checked
@@ -100,6 +104,7 @@ def fleet(
     limit: float | None = None,
     retry: bool = False,
     fail_share: float = 0.2,
+    false_share: float = 0.1,
     forget_missing: bool = False,
     table: bool = False,
     part: str = "",
@@ -133,6 +138,8 @@ def fleet(
     fail_share : 1
         Share of the recordings that may have no result, from 0 to 1; the run has failed if there are more, or if a
         vehicle has no reading at all.
+    false_share : 1
+        With 'track': share of the listed alarms that may be expected to be false, from 0 to 1.
     forget_missing : bool
         Leave out recordings whose files are gone; else their readings are kept.
     table : bool
@@ -178,6 +185,7 @@ def fleet(
         raise ParameterError("--limit: belongs to --verb track, which follows the wear.")
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
+    check_false_share(false_share)
     places, calibrations = _places(source, out), Path(start)
     folder, storage = places.folder, places.target or Folder(places.folder)
     listed, absent = _listed(source, calibrations, folder, forget=forget_missing)
@@ -216,14 +224,14 @@ def fleet(
             write_results(states, base, storage, folder)
         trends = verb == "track"
         rows = vehicles_of(states, base, limits, command, folder, trends=trends)
-        write_tables(rows, command, folder, trends=trends)
+        alarms = write_tables(rows, command, folder, trends=trends, false_share=false_share)
         if places.target:
             upload(folder, before, places.target)
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
     failure = _failure(rows, fail_share, named, trends=trends)
-    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure)
+    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure, alarms)
 
 
 class _Work(NamedTuple):
