@@ -82,12 +82,12 @@ def _direction(random: np.random.Generator) -> FloatArray:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def posteriors(number: int, one: DrawnLife, count: int | None = None) -> tuple[list[ListedAlarm], FloatArray]:
+def posteriors(number: int, vehicle: DrawnLife, count: int | None = None) -> tuple[list[ListedAlarm], FloatArray]:
     """Changes among the first recordings by the trend, and how many outliers of how many measurements there are.
 
     Without the probability that a decision which is final was right, as before, a change is listed first at -1.
     """
-    s, measurements = one.s[:count], one.measurements[:count]
+    s, measurements = vehicle.s[:count], vehicle.measurements[:count]
     paths = trend.traced(trend.trend_model(LIFE["strokes"]), s, measurements)
     measured = [k for k, now in enumerate(measurements) if now is not None]
     alarms = []
@@ -103,7 +103,7 @@ def posteriors(number: int, one: DrawnLife, count: int | None = None) -> tuple[l
 
 def detected(lives: Sequence[DrawnLife], outlier: float) -> tuple[FloatArray, FloatArray]:
     """M by recording and vehicle, and how many recordings before its likeliest jump was."""
-    count, longest = len(lives), max(len(one.s) for one in lives)
+    count, longest = len(lives), max(len(vehicle.s) for vehicle in lives)
     s, values, warmer, std = _arrays(lives, longest)
     P = np.zeros((count, 2, 4, 4))
     shares = SHARES_BY["estimate"]
@@ -155,9 +155,9 @@ def _arrays(lives: Sequence[DrawnLife], longest: int) -> tuple[FloatArray, Float
     """Places, values, air above the reference in 10 K, and standard deviations by channel; NaN where missing."""
     s, values = np.zeros((longest, len(lives))), np.full((longest, len(lives), 2), np.nan)
     warmer, std = np.zeros((longest, len(lives))), np.zeros(2)
-    for i, one in enumerate(lives):
-        s[:, i] = np.pad(one.s, (0, longest - len(one.s)), mode="edge")
-        for t, now in enumerate(one.measurements):
+    for i, vehicle in enumerate(lives):
+        s[:, i] = np.pad(vehicle.s, (0, longest - len(vehicle.s)), mode="edge")
+        for t, now in enumerate(vehicle.measurements):
             if now is not None:
                 values[t, i], warmer[t, i] = (now.shift, now.load), (now.temperature - REFERENCE) / 10.0
                 std = np.array([now.shift_std, now.load_std])
@@ -200,7 +200,7 @@ def is_of(alarm: ListedAlarm, event: int) -> bool:
 class Score(NamedTuple):
     """Shares of events found, and by one reading later, by size; length of a list, false and expected false ones."""
 
-    found: dict[float, float]
+    shares: dict[float, float]
     later: dict[float, float]
     length: int
     false: int
@@ -214,15 +214,15 @@ def score(lives: Sequence[DrawnLife], alarms: Sequence[ListedAlarm], early: Sequ
     for rows, table in ((alarms, by_vehicle), (early, by_early)):
         for alarm in rows:
             table.setdefault(alarm.vehicle, []).append(alarm)
-    found: dict[float, list[bool]] = {size: [] for size in (0.0, *SIZES)}
+    hits_now: dict[float, list[bool]] = {size: [] for size in (0.0, *SIZES)}
     later: dict[float, list[bool]] = {size: [] for size in (0.0, *SIZES)}
-    for i, one in enumerate(lives):
-        for k, size in one.events.items():
-            if k < len(one.s) - 1:
-                found[size].append(any(is_of(alarm, k) for alarm in by_vehicle.get(i, ())))
+    for i, vehicle in enumerate(lives):
+        for k, size in vehicle.events.items():
+            if k < len(vehicle.s) - 1:
+                hits_now[size].append(any(is_of(alarm, k) for alarm in by_vehicle.get(i, ())))
                 later[size].append(any(is_of(alarm, k) and alarm.listed <= k + 1 for alarm in by_early.get(i, ())))
     false = sum(not any(is_of(alarm, k) for k in lives[alarm.vehicle].events) for alarm in alarms)
-    shares = [{size: 100.0 * float(np.mean(hits)) for size, hits in table.items()} for table in (found, later)]
+    shares = [{size: 100.0 * float(np.mean(hits)) for size, hits in table.items()} for table in (hits_now, later)]
     return Score(*shares, len(alarms), false, sum(alarm.false for alarm in alarms))
 
 
@@ -253,7 +253,7 @@ def report(lives: Sequence[DrawnLife], *, estimated: bool) -> None:
     outlier = before.outlier
     for _ in range(_ROUNDS):
         trend._OCCURRENCE = before._replace(outlier=outlier)
-        results = [posteriors(i, one) for i, one in enumerate(lives)]
+        results = [posteriors(i, vehicle) for i, vehicle in enumerate(lives)]
         outliers, measured = np.sum([counts for _, counts in results], axis=0)
         share = (outliers + 0.5) / (measured + 50.0)
         if not estimated or abs(share - outlier) <= 0.1 * outlier:
@@ -262,8 +262,8 @@ def report(lives: Sequence[DrawnLife], *, estimated: bool) -> None:
     everything = [alarm for alarms, _ in results for alarm in alarms]
     early = [
         (alarm, k + 1)
-        for i, one in enumerate(lives) for k in one.events if 0 < k < len(one.s) - 1
-        for alarm in posteriors(i, one, k + 2)[0]
+        for i, vehicle in enumerate(lives) for k in vehicle.events if 0 < k < len(vehicle.s) - 1
+        for alarm in posteriors(i, vehicle, k + 2)[0]
     ]  # fmt: skip
     trend._OCCURRENCE = before
     before_lists = [alarm for alarm in everything if alarm.listed < 0]
@@ -278,13 +278,13 @@ def report(lives: Sequence[DrawnLife], *, estimated: bool) -> None:
     }  # fmt: skip
     print(f"  share of outliers {outlier:.4f}")
     for name, row in rows.items():
-        shares = "  ".join(f"{row.found[size]:5.1f} ({row.later[size]:5.1f})" for size in row.found)
+        shares = "  ".join(f"{row.shares[size]:5.1f} ({row.later[size]:5.1f})" for size in row.shares)
         print(f"  {name:9}: {shares};  list {row.length}, false {row.false}, expected {row.expected:.1f}")
 
 
 def _prior(lives: Sequence[DrawnLife]) -> float:
     """Changes a recording, as `wear/trend.py` assumes them."""
-    strokes = np.mean([np.mean(np.diff(one.s)) for one in lives])
+    strokes = np.mean([np.mean(np.diff(vehicle.s)) for vehicle in lives])
     return float((trend._OCCURRENCE.replaced + trend._OCCURRENCE.sudden) * strokes / LIFE["strokes"])
 
 
@@ -303,11 +303,12 @@ def main() -> None:
     options = parser.parse_args()
     for odd in options.shares:
         lives = fleet_of(options, odd)
-        sizes = [size for one in lives for k, size in one.events.items() if k < len(one.s) - 1]
+        sizes = [size for vehicle in lives for k, size in vehicle.events.items() if k < len(vehicle.s) - 1]
         counts = ", ".join(
             f"{sizes.count(size)} of {size:g}" if size else f"{sizes.count(0)} replaced" for size in (0.0, *SIZES)
         )
-        print(f"{options.family}, {sum(len(one.s) for one in lives)} recordings, {100 * odd:g} % outliers; {counts}")
+        recordings = sum(len(vehicle.s) for vehicle in lives)
+        print(f"{options.family}, {recordings} recordings, {100 * odd:g} % outliers; {counts}")
         report(lives, estimated=options.estimated)
 
 

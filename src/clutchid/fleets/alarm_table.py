@@ -56,11 +56,11 @@ def alarm_list(rows: Sequence[VehicleRow], false_share: float) -> pl.DataFrame:
 
 def list_words(table: pl.DataFrame) -> str:
     """How many alarms are listed, how many of them are expected to be false, and how many are not listed."""
-    listed, known = table.filter("listed"), table.filter("listed")["probability"].drop_nulls()
-    without, rest = listed.height - len(known), table.height - listed.height
+    listed, probabilities = table.filter("listed"), table.filter("listed")["probability"].drop_nulls()
+    without, rest = listed.height - len(probabilities), table.height - listed.height
     words = f"{listed.height:,} alarm{'' if listed.height == 1 else 's'} listed"
-    if len(known):
-        words += f", {len(known) - known.sum():.1f} of them expected to be false"
+    if len(probabilities):
+        words += f", {len(probabilities) - probabilities.sum():.1f} of them expected to be false"
     words += f", {without:,} without a probability" if without else ""
     return f"{words}; {rest:,} less probable, not listed" if rest else words
 

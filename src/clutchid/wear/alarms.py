@@ -226,7 +226,7 @@ def suspects(
     verdicts: Sequence[TrendOutcome],
     then: dict[str, Band],
 ) -> tuple[Alarm, ...]:
-    """What is no alarm of the trend: 'unknown' changes that the next recordings decide, and each 'wrong file'.
+    """Candidates that are no alarm of the trend: 'unknown' changes that the next recordings decide, and wrong files.
 
     A wrong file is an outlier or a departure that is far from the readings before and after it, which agree.
     """

@@ -210,7 +210,7 @@ class Wear:
 
     @property
     def aged(self) -> float:
-        """Leak [m³/(Pa·s)] of the last recordings, certain and below one that is an alarm; 0 without one."""
+        """Leak [m³/(Pa·s)] of the last recordings, certain and too small for an alarm; else 0."""
         leaks = [reading.leak for reading in self.readings[-LEAKS:]]
         certain = len(leaks) == LEAKS and all(leak and leak.probability > LEAKING for leak in leaks)
         return leaks[-1].conductance if certain and leaks[-1] and leaks[-1].conductance <= AGED else 0.0
