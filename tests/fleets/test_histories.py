@@ -241,7 +241,7 @@ def test_a_calibration_that_holds_from_a_date_reads_what_is_later_and_is_no_new_
     run = run_of(fleet, verb="track", start=fleet / "cals")
     results = pl.read_parquet(fleet / "out" / "results.parquet")
     assert results["calibration"].to_list() == ["V1.toml"] * 4 + ["V1@2026-01-05.toml"] * 4
-    assert run.read == COUNT + 4, "the days are in the files, and known when these have been read"
+    assert (run.read, run.alarms) == (COUNT + 4, "0 alarms listed"), "the days are known when the files have been read"
     trend = pl.read_parquet(fleet / OWN)
     assert set(trend["outcome"]) == {"used"}
     assert trend["alarm"].null_count() == COUNT

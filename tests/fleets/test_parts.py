@@ -53,8 +53,9 @@ def test_the_columns_of_every_table_are_those_that_were_promised(tmp_path):
     own = next(path for path in (tmp_path / "vehicles").glob("V_2*.parquet") if ".load." not in path.name)
     tables = {
         "recordings": tmp_path / parts_of(tmp_path)[0], "results": tmp_path / "results.parquet",
-        "vehicles": tmp_path / "vehicles.parquet", "vehicle": own, "load": own.with_suffix(".load.parquet"),
-        "types": tmp_path / "types.parquet", "replacements": tmp_path / "replacements.parquet",
+        "vehicles": tmp_path / "vehicles.parquet", "alarms": tmp_path / "alarms.parquet", "vehicle": own,
+        "load": own.with_suffix(".load.parquet"), "types": tmp_path / "types.parquet",
+        "replacements": tmp_path / "replacements.parquet",
     }  # fmt: skip
     for name, path in tables.items():
         lines += [f"{name}: {column} {kind}" for column, kind in pl.read_parquet_schema(path).items()]

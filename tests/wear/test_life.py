@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from clutchid.documents.wear_rows import alarm_words, change_words, left_words, recordings_words
+from clutchid.documents.wear_rows import alarm_words, change_words, left_words, recordings_words, wear_lines
 from clutchid.wear.history import Leak, RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits, to_estimate, wear_of
 from clutchid.wear.trend import FALSE_ALARMS, LEAKING, LEAKS, WearTable
@@ -85,6 +85,49 @@ def test_a_wear_of_anything_in_its_table_is_unknown():
     wear = life([reading(0.0, 0.0)], table=WearTable(y, 1e-3 * y, 0.1 * y))
     assert np.isnan(wear.present["wear"].value)
     assert change_words(wear).startswith("wear of the facing unknown")
+
+
+def test_a_change_that_was_not_sure_when_it_became_final_is_no_surer_later():
+    shifts = 6e-6 * np.random.default_rng(9).standard_normal(24) + np.where(np.arange(24) < 10, 0.0, 3.3e-5)
+    waiting, final = life_of(shifts[:12]), life_of(shifts)
+    ((possible,), (alarm,)) = waiting.suspects, final.alarms
+    assert (waiting.alarms, possible.kind, possible.before) == ((), "unknown", "r10")
+    assert alarm_words(possible).endswith("may have changed between r09 and r10; the next recordings will show it")
+    assert (alarm.kind, alarm.before, final.suspects) == ("replaced", "r10", ())
+    assert 0.5 < possible.probability < 0.95
+    assert alarm.probability == pytest.approx(possible.probability, abs=0.2), "readings far from it say nothing of it"
+
+
+def test_the_size_of_a_change_has_an_interval_in_which_the_errors_of_all_readings_cancel():
+    noise = 6e-6 * np.random.default_rng(5).standard_normal(24)
+    (alarm,) = life_of(1e-4 + noise + np.where(np.arange(24) < 12, 0.0, 0.3e-3)).alarms
+    assert abs(alarm.shift - 0.3e-3) < 2.0 * alarm.shift_std < 3e-5
+
+
+def test_a_recording_far_from_those_around_it_is_a_wrong_file_and_no_alarm():
+    shifts = np.linspace(0.0, 1e-4, 12)
+    shifts[6] += 5e-4
+    wear = life_of(shifts)
+    ((suspect,), foreign) = wear.suspects, WearReading("warning", "of another truck.", departs=True)
+    assert (wear.alarms, suspect.kind, suspect.after, suspect.before) == ((), "wrong file", "r05", "r06")
+    assert suspect.shift == pytest.approx(5e-4, abs=2e-5)
+    assert "probably of another truck, r06: it differs by +0.50" in alarm_words(suspect)
+    (suspect,) = life([foreign if k == 6 else reading(0.0) for k in range(12)]).suspects
+    assert (suspect.kind, suspect.before) == ("wrong file", "r06")
+    assert life([foreign if k == 11 else reading(0.0) for k in range(12)]).suspects == (), "nothing is known after it"
+
+
+def test_the_interval_of_a_leak_holds_the_trucks_whose_leak_is_read_several_times_too_large():
+    (alarm,) = alarmed(leaks=(4, 5), leak=2e-11)
+    for factor in (1.0, 1.6, 2.1, 3.3):
+        assert alarm.leak_interval.low < 2e-11 / factor < alarm.leak_interval.high
+    assert alarm_words(alarm).endswith("2.0e-11 m³/(Pa·s), 0.083 g/s at 5 bar(g); the truck's is 5.4e-12 to 2.6e-11")
+
+
+def test_a_certain_leak_that_is_no_alarm_is_that_of_seals_that_age():
+    old = life([reading(0.0, leak=Leak(7e-12, 1e-12, 0.99))] * 2)
+    assert wear_lines(old)[2].split(maxsplit=1)[1] == "7.0e-12 m³/(Pa·s), 0.029 g/s at 5 bar(g), as seals age"
+    assert life([reading(0.0, leak=Leak(7e-12, 1e-12, 0.9))] * 2).aged == 0.0
 
 
 def alarmed(leaks=(), departs=(), missing=(), leak=2e-11):

@@ -83,6 +83,7 @@ def fleet(
     limit: float | None = None,
     retry: Annotated[Flag, FLEET] = False,
     fail_share: Annotated[float, FLEET] = 0.2,
+    false_share: Annotated[float, FLEET] = 0.1,
     forget_missing: Annotated[Flag, FLEET] = False,
     table: Annotated[Flag, FLEET] = False,
     part: Annotated[str, FLEET] = "",
@@ -122,6 +123,9 @@ def fleet(
     fail_share
         Share of the recordings that may have no result. If there are more, or a vehicle has no reading at all, the
         exit code is 1.
+    false_share
+        With track: share of the listed alarms that may be expected to be false; alarms.parquet has all, the most
+        probable first.
     forget_missing
         Leave out recordings whose files are gone; else their readings are kept, and counted.
     table
@@ -154,8 +158,8 @@ def fleet(
     with progress_of("fleet") as progress:
         run = verbs.fleet(
             source, start, out, verb=verb, by=by, place=place, limit=shift, retry=retry, fail_share=fail_share,
-            forget_missing=forget_missing, table=table, part=part, within=within, ambient=ambient,
-            channels=files.map, dbc=dbc, command=typed(sys.argv[1:]), progress=progress,
+            false_share=false_share, forget_missing=forget_missing, table=table, part=part, within=within,
+            ambient=ambient, channels=files.map, dbc=dbc, command=typed(sys.argv[1:]), progress=progress,
         )  # fmt: skip
     _say(run, part, within, as_json=json)
     return FAILED if run.failure else DONE
@@ -190,6 +194,7 @@ def _say(run: FleetRun, part: str, within: str, *, as_json: bool) -> None:
             {
                 "status": ended,
                 "message": run.failure or message,
+                "alarms": run.alarms,
                 "statuses": dict(statuses),
                 "read": run.read,
                 "out": where,
@@ -204,6 +209,8 @@ def _say(run: FleetRun, part: str, within: str, *, as_json: bool) -> None:
         put(printable_lines(f"clutchid: {run.failure}"), to=sys.stderr)
     tables = f"part {part}; a run without --part makes the tables" if part else f"{printable(where)}/index.html"
     put(f"{vehicles:,} vehicle{'' if vehicles == 1 else 's'}: {tables}")
+    if run.alarms:
+        put(f"{run.alarms}: {printable(where)}/alarms.parquet")
     if within:
         put(_due_lines(run, within))
 

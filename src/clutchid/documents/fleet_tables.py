@@ -14,7 +14,7 @@ from clutchid.documents.style import MM
 from clutchid.documents.tables import Cell, Column, Link, ReportTable
 from clutchid.log import FloatArray
 from clutchid.names import capital, natural, printable
-from clutchid.wear import LIFE, Axis, Interval
+from clutchid.wear import LIFE, Alarm, Axis, Interval
 
 
 class ReasonCount(NamedTuple):
@@ -40,6 +40,7 @@ class VehicleRow(NamedTuple):
     sentences. `page` is the file of its own page relative to that of the fleet. `limit` [m] of wear, or else of shift,
     ends its life, NaN without one. `warnings` are what contradicts in the times of its recordings, `reasons` why
     some do not count, `tags` the last values of further columns of the table of recordings.
+    `events` are the alarms, with those that are in the list of the fleet only.
 
     With a limit of a `quantity` also the forecast with the vehicles of its `pool`: `left_days` and `left_km` as
     `left`, probabilities `within` the horizons of `clutchid.wear.due` (km, then days) and `by_month`; `evidence` is
@@ -71,6 +72,7 @@ class VehicleRow(NamedTuple):
     left_km: Interval = _UNKNOWN
     within: tuple[float, ...] = ()
     by_month: tuple[float, ...] = ()
+    events: tuple[Alarm, ...] = ()
 
     @property
     def has_result(self) -> int:

@@ -20,6 +20,7 @@ ALARMS = {
     "unknown": "the load changed because of a new clutch or a fault (the recordings so far do not show which)",
     "leak": "chamber A or its connections began to leak",
     "departed": "the actuator deviated from its calibration by more than a change of load or grease explains",
+    "wrong file": "the recording is probably of another truck",
     "sensor moved": "the position sensor or its bracket moved or was replaced",
 }
 
@@ -32,6 +33,7 @@ def rows_of(wear: Wear) -> list[LabelRow]:
     else:
         rows.append(("now", change_words(wear)))
         rows += [("alarm", alarm_words(alarm)) for alarm in wear.alarms]
+        rows += [("leak", f"{leak_words(leak)}, as seals age")] if (leak := wear.aged) else []
         rows.append(("left", left_words(wear) or "unknown without a limit; give --limit or a table of wear"))
     return [LabelRow(label, text, "with care" if label == "alarm" else "", fixed=True) for label, text in rows]
 
@@ -85,7 +87,13 @@ def alarm_words(alarm: Alarm) -> str:
     where = f"between {alarm.after} and {alarm.before}" if alarm.after else f"before {alarm.before}"
     words = f"{ALARMS[alarm.kind]} {where}{when}"
     if alarm.kind == "leak":
-        return f"{words}: {alarm.leak:.1e} m³/(Pa·s), {_lost(alarm.leak):.2g} g/s at 5 bar(g)"
+        _, low, high = alarm.leak_interval
+        return f"{words}: {leak_words(alarm.leak)}; the truck's is {low:.1e} to {high:.1e}"
+    if alarm.kind == "unknown" and np.isnan(alarm.shift):
+        return f"the load may have changed {where}{when}; the next recordings will show it"
+    if alarm.kind == "wrong file":
+        apart = "" if np.isnan(alarm.shift) else f" by {alarm.shift / MM:+.3f} mm and {100 * alarm.load:+z.1f} %"
+        return f"{ALARMS[alarm.kind]}, {alarm.before}{when}: it differs{apart} from those before and after, which agree"
     if alarm.kind == "departed":
         return f"{words}: look for a fault, or calibrate again"
     if alarm.kind == "sensor moved":
@@ -93,11 +101,12 @@ def alarm_words(alarm: Alarm) -> str:
     return f"{words}: half-load position {alarm.shift / MM:+.3f} mm, load {100 * alarm.load:+z.1f} %"
 
 
-def _lost(conductance: float) -> float:
-    """Air in g/s that a leak loses at 5 bar(g)."""
+def leak_words(conductance: float) -> str:
+    """A leak, and the air that it loses at 5 bar(g)."""
     from clutchid.model.valves import leak_flow  # brings SymPy, which is not needed without a leak
 
-    return 1e3 * float(leak_flow(6e5, 1e5, conductance, DEFAULTS.rho_0))
+    lost = 1e3 * float(leak_flow(6e5, 1e5, conductance, DEFAULTS.rho_0))
+    return f"{conductance:.1e} m³/(Pa·s), {lost:.2g} g/s at 5 bar(g)"
 
 
 def left_words(wear: Wear) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from clutchid.documents import FleetWear, WornClutch, document_of, write_page
 from clutchid.documents.fleet_tables import ReasonCount, TypeRow, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
+from clutchid.fleets.alarm_table import ALARM_LIST, alarm_list, list_words
 from clutchid.fleets.cluster import version_and_source
 from clutchid.fleets.forecasts import FleetForecast
 from clutchid.fleets.jobs import key_of
@@ -29,6 +30,7 @@ from clutchid.fleets.store import Store, StoredRow, place_of, stored_row
 from clutchid.systems import is_device
 from clutchid.verbs.tracking import write_tracked
 from clutchid.verbs.wear_reading import later_calibrations
+from clutchid.wear import Alarm
 from clutchid.wear.columns import SIDES, banded
 from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM
 from clutchid.wear.history import RecordingJob
@@ -81,7 +83,7 @@ def results_table(states: Sequence[RecordingState], store: Store, storage: Stora
 
 
 def _by_vehicle(states: Sequence[RecordingState]) -> Iterator[tuple[str, list[RecordingState]]]:
-    return ((vehicle, list(own)) for vehicle, own in groupby(states, key=lambda state: state.job.vehicle))
+    return ((vehicle, list(own)) for vehicle, own in itertools.groupby(states, key=lambda state: state.job.vehicle))
 
 
 #: Parts of a sentence that belong to one recording only: names in quotes, paths, and numbers.
@@ -189,20 +191,25 @@ def _packed(value: object) -> object:
     raise TypeError(value)
 
 
+def _instant(text: object) -> datetime | None:
+    return datetime.fromisoformat(text) if isinstance(text, str) else None
+
+
 def _restored(text: str) -> VehicleRow:
     """The row of a vehicle from its text."""
     row = VehicleRow(*json.loads(text))  # without a forecast, which is made anew with those of the other vehicles
     return row._replace(
-        last=datetime.fromisoformat(row.last) if isinstance(row.last, str) else None, shift=Interval(*row.shift),
+        last=_instant(row.last), shift=Interval(*row.shift),
         load=Interval(*row.load), wear=Interval(*row.wear), left=Interval(*row.left), alarms=tuple(row.alarms),
         warnings=tuple(row.warnings), reasons=tuple(ReasonCount(*reason) for reason in row.reasons),
         tags=tuple((name, value) for name, value in row.tags),
         left_days=UNKNOWN_INTERVAL, left_km=UNKNOWN_INTERVAL, within=(), by_month=(),
+        events=tuple(alarm._replace(begin=_instant(alarm.begin)) for alarm in itertools.starmap(Alarm, row.events)),
     )  # fmt: skip
 
 
-def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool) -> None:
-    """Write the page of a fleet, and with `trends` the tables of its vehicles, types and replacements.
+def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool, false_share: float = 0.1) -> str:
+    """Write the page of a fleet, and with `trends` the tables of all but its recordings; listed alarms, in words.
 
     Raises
     ------
@@ -225,7 +232,10 @@ def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool)
         ):
             table = pl.DataFrame(list(listed), schema=schema_of, orient="row")
             write_bytes(part_content(table.fill_nan(None)), out / file)
+        alarms = alarm_list(rows, false_share)
+        write_bytes(part_content(alarms), out / ALARM_LIST)
     write_page(document_of(FleetWear(rows, _reasons(rows), fleet.types, fleet.replacements), command), out / _INDEX)
+    return list_words(alarms) if trends else ""
 
 
 def _file_name(vehicle: str, taken: set[str]) -> str:
@@ -260,7 +270,7 @@ def _row(wear: Wear, page: str) -> VehicleRow:
         tuple(map(alarm_words, wear.alarms)), page, np.nan if wear.limit is None else wear.limit,
         wear.warnings, _reasons_of(wear), tuple({name: value for job in jobs for name, value in job.tags}.items()),
         _pool(wear.rows[0].job), "shift" if wear.end_of_table is None else "wear",
-        wear.evidence.packed if wear.evidence else "",
+        wear.evidence.packed if wear.evidence else "", events=(*wear.alarms, *wear.suspects),
     )  # fmt: skip
 
 

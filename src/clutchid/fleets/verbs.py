@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 from clutchid.arguments import checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
+from clutchid.fleets.alarm_table import check_false_share
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.forecasts import DueVehicle, forecast_of, horizon_of
 from clutchid.fleets.jobs import (
@@ -83,6 +84,8 @@ class FleetRun:
         What lies in the folder beside the recordings, and what contradicts in their times, one sentence each.
     failure
         Why the run as a whole has failed, in a sentence; empty if it has not.
+    alarms
+        With 'track': how many alarms are listed, and how many of them are expected to be false.
     due
         With `within`: vehicles by the probability that their clutch reaches the limit, the largest first.
 
@@ -99,6 +102,7 @@ class FleetRun:
     out: Path | str
     warnings: tuple[str, ...] = ()
     failure: str = ""
+    alarms: str = ""
     due: tuple[DueVehicle, ...] = ()
 
 
@@ -114,6 +118,7 @@ def fleet(
     limit: float | None = None,
     retry: bool = False,
     fail_share: float = 0.2,
+    false_share: float = 0.1,
     forget_missing: bool = False,
     table: bool = False,
     part: str = "",
@@ -148,6 +153,8 @@ def fleet(
     fail_share : 1
         Share of the recordings that may have no result, from 0 to 1; the run has failed if there are more, or if a
         vehicle has no reading at all.
+    false_share : 1
+        With 'track': share of the listed alarms that may be expected to be false, from 0 to 1.
     forget_missing : bool
         Leave out recordings whose files are gone; else their readings are kept.
     table : bool
@@ -198,6 +205,7 @@ def fleet(
         raise ParameterError(f"{option}: belongs to --verb track, which follows the wear.")
     if not 0.0 <= fail_share <= 1.0:
         raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
+    check_false_share(false_share)
     places, calibrations = _places(source, out), Path(start)
     folder, storage = places.folder, places.target or Folder(places.folder)
     listed, absent = _listed(source, calibrations, folder, forget=forget_missing)
@@ -237,14 +245,15 @@ def fleet(
         trends = verb == "track"
         rows = vehicles_of(states, base, limits, command, folder, trends=trends)
         forecast = forecast_of(rows, horizon)
-        write_tables(forecast, command, folder, trends=trends)
+        alarms = write_tables(forecast, command, folder, trends=trends, false_share=false_share)
         if places.target:
             upload(folder, before, places.target)
     times, missing = _time_warnings(rows) if trends else "", _missing_files(gone, statuses.total(), absent)
     warnings = [missing, listed.left_out, listed.renamed, tables.unused(rows), times]
     named = len(states) - sum(bool(state.copy_of) for state in states) if listed.has_table else 0
     failure = _failure(rows, fail_share, named, trends=trends)
-    return FleetRun(statuses, len(rows), read, places.shown, tuple(filter(None, warnings)), failure, forecast.due)
+    sentences = tuple(filter(None, warnings))
+    return FleetRun(statuses, len(rows), read, places.shown, sentences, failure, alarms, forecast.due)
 
 
 class _Work(NamedTuple):

@@ -9,14 +9,39 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from clutchid.estimation.assess.comparison import Measurement
+from clutchid.estimation.assess.comparison import SHARES_BY, Measurement
 from clutchid.log import FloatArray
+from clutchid.numerics.interval import QUANTILE
 from clutchid.strokes.vented_rest import RestShift
 from clutchid.wear.history import Leak, RecordingJob, WearReading
-from clutchid.wear.trend import AGED, DEPARTED, FALL, FALL_FACTOR, FALSE_ALARMS, LEAKING, LEAKS, Band, TrendOutcome
+from clutchid.wear.trend import (
+    AGED,
+    CHANNELS,
+    DEPARTED,
+    FALL,
+    FALL_FACTOR,
+    FALSE_ALARMS,
+    LEAKING,
+    LEAKS,
+    SURE,
+    Band,
+    Interval,
+    TrendOutcome,
+)
 
 #: Kinds of alarms of a change of the load.
 CHANGED = ("replaced", "sudden", "unknown")
+
+#: Probability from which a change that the next recordings decide is a possible one. A guess.
+POSSIBLE = 0.5
+
+#: Distance of an outlier from the trend, in standard deviations of its reading, beyond which it is taken for that of
+#: another truck. A guess.
+_FOREIGN = 5.0
+
+#: A truck's leak as a share of the one that is read, least and largest: 1 / 3.3 to 1 / 1.6 in "Alarms as a list" of
+#: benchmarks/results/wear.md, because the truck's slit has another temperature; and a reading may be right.
+LEAK_FACTORS = 0.3, 1.2
 
 RestCause = Literal["", "sensor", "wear", "new clutch"]
 
@@ -33,11 +58,14 @@ class RestMove(NamedTuple):
         where it is back after a clutch was replaced; empty where it has not moved, or is not known.
     sudden
         Whether the sensor moved from one recording to the next, not slowly.
+    std : m
+        Standard deviation of the shift.
     """
 
     move: float
     cause: RestCause
     sudden: bool = False
+    std: float = float("nan")
 
 
 #: Move of a rest that is not known.
@@ -78,13 +106,14 @@ def rest_moves(
             moves.append(RestMove(0.0, ""))
             base = before = k, rest
             continue
-        move, noise = rest.value - before[1].value, z * float(np.hypot(rest.std, before[1].std))
+        move, std = rest.value - before[1].value, float(np.hypot(rest.std, before[1].std))
+        noise = z * std
         fallen = base[1].value - before[1].value
         allowed = _allowed_fall(float(s[k] - s[before[0]]), float(s[before[0]] - s[base[0]]), fallen, noise, life)
         if move > noise or -move > allowed + noise:
             back = abs(move - fallen) <= noise
             new = k in replaced or (back and _as_new(measurements[k]))
-            moves.append(RestMove(move, "new clutch" if new else "sensor", not new))
+            moves.append(RestMove(move, "new clutch" if new else "sensor", not new, std))
             base = k, rest
         else:
             drift = rest.value - base[1].value
@@ -127,7 +156,10 @@ class Alarm(NamedTuple):
     rest : m
         Move of the vented rest.
     probability : 1
-        Of a change of the load, given all recordings: that of its kind, or if that is unknown of any change.
+        Of a change of the load, given all recordings: that of its kind, or if that is unknown of any change; of an
+        outlier, that it is one; of a leak, by the readings that begin it. NaN where there is none.
+    shift_std, load_std, leak_std, rest_std
+        Standard deviations of the sizes; NaN where unknown.
     """
 
     after: str
@@ -138,7 +170,18 @@ class Alarm(NamedTuple):
     load: float
     leak: float = 0.0
     rest: float = 0.0
-    probability: float = 1.0
+    probability: float = float("nan")
+    shift_std: float = float("nan")
+    load_std: float = float("nan")
+    leak_std: float = float("nan")
+    rest_std: float = float("nan")
+
+    @property
+    def leak_interval(self) -> Interval:
+        """Leak as it is read [m³/(Pa·s)], with the 95 % interval of the truck's, which differs by `LEAK_FACTORS`."""
+        least, largest = LEAK_FACTORS
+        half = QUANTILE * self.leak_std
+        return Interval(self.leak, least * max(self.leak - half, 0.0), largest * (self.leak + half))
 
 
 def alarms(
@@ -151,20 +194,23 @@ def alarms(
     """All alarms in the order of the recordings; `then` is the trend as known at each, `rests` how the rest moved."""
     leaks = [reading.leak is not None and _is_fault(reading.leak) for reading in readings]
     changed = [k for k, verdict in enumerate(verdicts) if verdict.outcome in CHANGED]
-    numbered = [(k, _change(dated, verdicts, then, k)) for k in changed]
+    numbered = [(k, _change(dated, readings, verdicts, then, k)) for k in changed]
     for kind, flags, least in (
         ("leak", leaks, LEAKS),
         ("departed", [reading.departs for reading in readings], DEPARTED),
     ):
         for k in _begins(flags, least):
-            leak = readings[k].leak
-            size = leak.conductance if kind == "leak" and leak else 0.0
             after = dated[k - 1].recording if k else ""
-            numbered.append((k, Alarm(after, dated[k].recording, dated[k].begin, kind, 0.0, 0.0, size)))
+            alarm, leak = Alarm(after, dated[k].recording, dated[k].begin, kind, 0.0, 0.0), readings[k].leak
+            if kind == "leak" and leak:
+                sure = 1.0 - (1.0 - leak.probability) ** LEAKS
+                alarm = alarm._replace(leak=leak.conductance, leak_std=leak.std, probability=sure)
+            numbered.append((k, alarm))
     for k, (job, rest) in enumerate(zip(dated, rests, strict=True)):
         if rest.sudden:
             after = next((dated[j].recording for j in range(k - 1, -1, -1) if readings[j].rest is not None), "")
-            numbered.append((k, Alarm(after, job.recording, job.begin, "sensor moved", 0.0, 0.0, rest=rest.move)))
+            moved = Alarm(after, job.recording, job.begin, "sensor moved", 0.0, 0.0, rest=rest.move, rest_std=rest.std)
+            numbered.append((k, moved))
     return tuple(alarm for _, alarm in sorted(numbered, key=lambda pair: pair[0]))
 
 
@@ -173,12 +219,58 @@ def _is_fault(leak: Leak) -> bool:
     return leak.probability > LEAKING and leak.conductance > AGED
 
 
-def _change(dated: Sequence[RecordingJob], verdicts: Sequence[TrendOutcome], then: dict[str, Band], k: int) -> Alarm:
+def suspects(
+    dated: Sequence[RecordingJob],
+    readings: Sequence[WearReading],
+    measurements: Sequence[Measurement | None],
+    verdicts: Sequence[TrendOutcome],
+    then: dict[str, Band],
+) -> tuple[Alarm, ...]:
+    """Candidates that are no alarm of the trend: 'unknown' changes that the next recordings decide, and wrong files.
+
+    A wrong file is an outlier or a departure that is far from the readings before and after it, which agree.
+    """
+    rows, agree = [], [k for k, verdict in enumerate(verdicts) if verdict.outcome == "used"]
+    for k, (job, now, verdict) in enumerate(zip(dated, measurements, verdicts, strict=True)):
+        after = max((j for j in agree if j < k), default=None)
+        alarm = Alarm("" if after is None else dated[after].recording, job.recording, job.begin, "", np.nan, np.nan)
+        if verdict.outcome not in CHANGED and verdict.change >= POSSIBLE:
+            rows.append(alarm._replace(kind="unknown", probability=verdict.change))
+        if after is None or agree[-1] < k:
+            continue
+        if now is None:
+            if [readings[j].departs for j in (k - 1, k, k + 1)] == [False, True, False]:
+                rows.append(alarm._replace(kind="wrong file"))
+        elif verdict.outcome == "left out" and verdict.probability >= SURE:
+            shift, load = now.shift - float(then["shift"].value[k]), now.load - float(then["load"].value[k])
+            if max(abs(shift) / now.shift_std, abs(load) / now.load_std) > _FOREIGN:
+                rows.append(Alarm(*alarm[:3], "wrong file", shift, load, 0.0, 0.0, verdict.probability, *now[1:4:2]))
+    return tuple(rows)
+
+
+def _change(
+    dated: Sequence[RecordingJob],
+    readings: Sequence[WearReading],
+    verdicts: Sequence[TrendOutcome],
+    then: dict[str, Band],
+    k: int,
+) -> Alarm:
     """The alarm of a change before recording `k`."""
     earlier = max((j for j in range(k) if verdicts[j].outcome in ("used", *CHANGED)), default=0)
     shift, load = (float(then[name].value[k] - then[name].value[earlier]) for name in ("shift", "load"))
-    kind, share = verdicts[k]
-    return Alarm(dated[earlier].recording, dated[k].recording, dated[k].begin, kind, shift, load, probability=share)
+    kind, share, _ = verdicts[k]
+    alarm = Alarm(dated[earlier].recording, dated[k].recording, dated[k].begin, kind, shift, load, probability=share)
+    first, second = readings[earlier].measurement, readings[k].measurement
+    if first is None or second is None or first.by != second.by or dated[earlier].start != dated[k].start:
+        return alarm
+    shift_std, load_std = (float(np.hypot(_own_std(first, name), _own_std(second, name))) for name in CHANNELS)
+    return alarm._replace(shift_std=shift_std, load_std=load_std)
+
+
+def _own_std(now: Measurement, channel: str) -> float:
+    """Standard deviation of what a reading does not share with others of its reader: by itself, and by 10 K."""
+    shares, std = SHARES_BY[now.by][channel], getattr(now, f"{channel}_std")
+    return float(std * np.hypot(shares.independent, shares.by_temperature))
 
 
 def _begins(flags: Sequence[bool], least: int) -> list[int]:

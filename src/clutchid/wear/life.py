@@ -14,14 +14,17 @@ from scipy import special
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves
+from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves, suspects
 from clutchid.wear.due import forecast
 from clutchid.wear.evidence import LifeEvidence, life_evidence
 from clutchid.wear.history import Axis, RecordingJob, WearReading, arranged
 from clutchid.wear.pooling import pooled
 from clutchid.wear.trend import (
+    AGED,
     CHANNELS,
     GROWTH,
+    LEAKING,
+    LEAKS,
     LIFE,
     SURE,
     Band,
@@ -132,6 +135,8 @@ class Wear:
         Largest wear in the table, at which the result is cut off; None without a table.
     waiting
         Numbers of the outliers that may be the first recording of a change.
+    suspects
+        Possible changes and wrong files, which are in the list of a fleet only.
     evidence
         What the recordings say of wear and use, for a forecast with others of its type; None where `left` is.
 
@@ -161,6 +166,7 @@ class Wear:
     apart: tuple[tuple[RecordingJob, WearReading], ...] = ()
     end_of_table: float | None = None
     waiting: frozenset[int] = frozenset()
+    suspects: tuple[Alarm, ...] = ()
     evidence: LifeEvidence | None = None
 
     @property
@@ -173,6 +179,13 @@ class Wear:
         """A change of the load that no new clutch is known to explain: rate and what is left are unknown after it."""
         changes = [alarm for alarm in self.alarms if alarm.kind in CHANGED]
         return changes[-1] if changes and changes[-1].kind != "replaced" else None
+
+    @property
+    def aged(self) -> float:
+        """Leak [m³/(Pa·s)] of the last recordings, certain and too small for an alarm; else 0."""
+        leaks = [reading.leak for reading in self.readings[-LEAKS:]]
+        certain = len(leaks) == LEAKS and all(leak and leak.probability > LEAKING for leak in leaks)
+        return leaks[-1].conductance if certain and leaks[-1] and leaks[-1].conductance <= AGED else 0.0
 
     @property
     def present(self) -> dict[str, Interval]:
@@ -273,6 +286,7 @@ def wear_of(
         alarms(dated, ordered, results, then, moves), limit if table is None else end, None,
         (*warnings, *history.warnings), tuple(moves), apart,
         None if table is None else float(table.wear[-1]), frozenset(waiting),
+        suspects(dated, ordered, measurements, results, then),
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
         return wear

@@ -225,7 +225,8 @@ class TrendStep(NamedTuple):
     """A recording in the trend: state before and after it, the transition, and the outcome of its measurement.
 
     `outcome` is "used", "left out" (an outlier), "missing", or, where the clutch or its load changed before it,
-    "replaced" or "sudden".
+    "replaced" or "sudden". `decided` is the probability, when the outcome became final, of the paths with it or with a
+    change near it.
     """
 
     s: float
@@ -236,6 +237,7 @@ class TrendStep(NamedTuple):
     transition: FloatArray
     outcome: Outcome
     deviance: float
+    decided: float = 1.0
 
 
 class Path(NamedTuple):
@@ -287,7 +289,7 @@ def traced(model: TrendModel, s: FloatArray, measurements: Sequence[Measurement 
         since = float(at) - last if measured else 0.0
         tracks = [after for track in tracks for after in _branches(model, track, (float(at), ds, since), now)]
         measured, last = [*measured, k], float(at)
-        tracks = _pruned(tracks, measured[-_LAG - 1] if len(measured) > _LAG else None)
+        tracks = _pruned(tracks, measured[-_LAG - 2 :] if len(measured) > _LAG else ())
     shares = _shares(tracks)
     paths = [Path(float(share), track.steps) for share, track in zip(shares, tracks, strict=True)]
     return tuple(sorted(paths, key=lambda path: -path.probability))
@@ -297,10 +299,12 @@ class TrendOutcome(NamedTuple):
     """Outcome of a recording in the trend given all recordings, and its probability.
 
     `outcome` is that of a step, or "unknown" where the load has changed and whether by a new clutch is not sure.
+    `change` is the probability that the load changed here or next to it, where that is largest; else 0.
     """
 
     outcome: Outcome | Literal["unknown"]
     probability: float
+    change: float = 0.0
 
 
 def verdicts(paths: Sequence[Path]) -> list[TrendOutcome]:
@@ -312,21 +316,24 @@ def verdicts(paths: Sequence[Path]) -> list[TrendOutcome]:
         around = slice(max(i - 1, 0), i + 2)
         nearest = [k, *measured[around]]
         shares = {
-            kind: sum(path.probability for path in paths if _change(path, nearest) == kind) for kind in CHANGE_OUTCOMES
+            kind: sum(path.probability for path in paths if _change(path.steps, nearest) == kind)
+            for kind in CHANGE_OUTCOMES
         }
-        if sum(shares.values()) >= SURE and change[i] == max(change[around]):
+        decided = float(np.prod([paths[0].steps[j].decided for j in measured[around]]))
+        likely = decided * sum(shares.values()) if change[i] == max(change[around]) else 0.0
+        if likely and sum(shares.values()) >= SURE:
             kind = max(shares, key=shares.__getitem__)
             sure = shares[kind] >= SURE
-            results[k] = TrendOutcome(kind, shares[kind]) if sure else TrendOutcome("unknown", sum(shares.values()))
+            results[k] = TrendOutcome(kind if sure else "unknown", decided * shares[kind] if sure else likely, likely)
         else:
             used, outlier = (probability(paths, [k], (name,)) for name in ("used", "left out"))
-            results[k] = TrendOutcome("used", used) if used >= 0.5 else TrendOutcome("left out", outlier)
+            results[k] = TrendOutcome(*(("used", used) if used >= 0.5 else ("left out", outlier)), likely)
     return results
 
 
-def _change(path: Path, recordings: Sequence[int]) -> Outcome | None:
+def _change(steps: Sequence[TrendStep], recordings: Sequence[int]) -> Outcome | None:
     """First change of a path among these recordings."""
-    return next((path.steps[k].outcome for k in recordings if path.steps[k].outcome in CHANGE_OUTCOMES), None)
+    return next((steps[k].outcome for k in recordings if steps[k].outcome in CHANGE_OUTCOMES), None)
 
 
 def probability(paths: Sequence[Path], recordings: Collection[int], outcomes: Collection[str]) -> float:
@@ -427,13 +434,15 @@ def _branch(
     return _Track(weight, after.mean, after.covariance, used, (*track.steps, step))
 
 
-def _pruned(tracks: Sequence[_Track], final: int | None) -> list[_Track]:
-    """The most probable paths; of those that differ at recording `final`, only the ones that agree with the best.
+def _pruned(tracks: Sequence[_Track], last: Sequence[int]) -> list[_Track]:
+    """The most probable paths; of those that differ at the first of the `last` recordings that is not final, only the
+    ones that agree with the best.
 
     Where that is a change whose kind is not sure, both kinds are followed.
     """
     shares = dict(zip(map(id, tracks), _shares(tracks), strict=True))
-    if final is not None:
+    if last:
+        final, near = last[-_LAG - 1], last[: 2 - _LAG]
         by_outcome: dict[Outcome, float] = defaultdict(float)
         for track in tracks:
             by_outcome[track.steps[final].outcome] += shares[id(track)]
@@ -441,9 +450,20 @@ def _pruned(tracks: Sequence[_Track], final: int | None) -> list[_Track]:
         followed = {name for name in CHANGE_OUTCOMES if best in CHANGE_OUTCOMES and by_outcome[name] > 1.0 - SURE} | {
             best
         }
+        left = [track for track in tracks if track.steps[final].outcome not in followed]
         tracks = [track for track in tracks if track.steps[final].outcome in followed]
-    most = sorted(tracks, key=lambda track: -track.weight)[:_PATHS]
-    return [track for track in most if shares[id(track)] >= _LEAST * shares[id(most[0])]]
+        if left:
+            lost = sum(shares[id(track)] for track in left if _change(track.steps, near) is None)
+            tracks = [_decided(track, final, 1.0 - lost) for track in tracks]
+    weights = zip(_shares(tracks), tracks, strict=True)
+    most = sorted(weights, key=lambda pair: -pair[0])[:_PATHS]
+    return [track for share, track in most if share >= _LEAST * most[0][0]]
+
+
+def _decided(track: _Track, final: int, share: float) -> _Track:
+    """A path whose outcome at a recording became final with the probability `share`."""
+    steps = track.steps
+    return track._replace(steps=(*steps[:final], steps[final]._replace(decided=share), *steps[final + 1 :]))
 
 
 def _shares(tracks: Sequence[_Track]) -> FloatArray:
