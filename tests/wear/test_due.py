@@ -148,15 +148,15 @@ def one_node(n, spread, mean, guess=0):
 def test_the_probability_is_the_share_of_draws_beyond_the_limit():
     n = WEAR_NODES.index((1.0, 0.2, 0.05))
     wear = np.zeros((1, len(WEAR_NODES), 6))
-    wear[:, :, 1:] = 0.3, 0.45, 0.02**2, 0.3**2, 0.5 * 0.02 * 0.3
+    wear[:, :, 1:] = 0.3, 0.45, 0.15**2, 0.3**2, -0.8 * 0.15 * 0.3
     use = np.full((1, 2, len(USE_NODES), 3), np.nan)
     evidence = LifeEvidence(wear, np.array([0.6]), np.array([0.01]), np.array([30.0]), use)
     pool = TypePool(10, one_node(n, 0.4, np.log(0.5)), (one_node(0, 1.0, 0.0, 1),) * 2)
     random, count = np.random.default_rng(6), 400_000
     rate = np.exp(np.log(0.5) + 0.4 * random.standard_normal(count))
     weight = np.exp(-((rate - 0.45) ** 2) / (2 * 0.3**2) + rate**2 / (2 * WIDE_RATE**2))
-    slope = 0.5 * 0.02 / 0.3
-    u = 0.3 + slope * (rate - 0.45) + 0.02 * np.sqrt(0.75) * random.standard_normal(count)
+    slope = -0.8 * 0.15 / 0.3
+    u = 0.3 + slope * (rate - 0.45) + 0.15 * 0.6 * random.standard_normal(count)
     for ahead in (0.3, 0.6, 1.2):
         noise = np.sqrt(0.2**2 * ahead**3 / 3 + 0.05**2 * ahead) * random.standard_normal(count)
         share = np.average(u + rate * ahead + noise >= 0.6, weights=weight)

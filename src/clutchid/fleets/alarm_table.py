@@ -11,8 +11,8 @@ from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.errors import ParameterError
 from clutchid.names import capital
-from clutchid.numerics.interval import QUANTILE
 from clutchid.wear import Alarm
+from clutchid.wear.alarms import size_interval
 from clutchid.wear.columns import SIDES, banded
 
 if TYPE_CHECKING:
@@ -80,19 +80,15 @@ def _columns(row: VehicleRow, alarm: Alarm) -> Mapping[str, object]:
     departed = alarm.kind == "departed" and not alarm.after
     sizes = {
         "leak": banded("leak", alarm.leak_interval, _SIZES["leak"]),
-        "sensor moved": banded("rest_shift", _around(alarm.rest, alarm.rest_std), "_mm", 1e3),
+        "sensor moved": banded("rest_shift", size_interval(alarm.rest, alarm.rest_std), "_mm", 1e3),
         "departed": {},
     }.get(
         alarm.kind,
-        banded("shift", _around(alarm.shift, alarm.shift_std), "_mm", 1e3)
-        | banded("load_change", _around(alarm.load, alarm.load_std), "_percent", 100.0),
+        banded("shift", size_interval(alarm.shift, alarm.shift_std), "_mm", 1e3)
+        | banded("load_change", size_interval(alarm.load, alarm.load_std), "_percent", 100.0),
     )
     return {
         "vehicle": row.name, "type": row.type or None, "kind": "wrong calibration" if departed else alarm.kind,
         "recording": alarm.before, "after": alarm.after or None, "begin": alarm.begin, **sizes,
         "probability": alarm.probability, "evidence": f"{capital(alarm_words(alarm))}.",
     }  # fmt: skip
-
-
-def _around(value: float, std: float) -> tuple[float, float, float]:
-    return value, value - QUANTILE * std, value + QUANTILE * std

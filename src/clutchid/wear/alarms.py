@@ -184,6 +184,11 @@ class Alarm(NamedTuple):
         return Interval(self.leak, least * max(self.leak - half, 0.0), largest * (self.leak + half))
 
 
+def size_interval(value: float, std: float) -> Interval:
+    """A size of an alarm with its 95 % interval."""
+    return Interval(value, value - QUANTILE * std, value + QUANTILE * std)
+
+
 def alarms(
     dated: Sequence[RecordingJob],
     readings: Sequence[WearReading],
