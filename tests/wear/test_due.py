@@ -45,8 +45,9 @@ def filtered(strokes, shifts, temperatures, node, replaced=()):
     """Textbook filter of (u, r, b, g) in usual wear and lives: mean and covariance at the end, and log-likelihood."""
     shares, s = SHARES_BY["estimate"]["shift"], np.asarray(strokes) / LIFE["strokes"]
     std = STD / USUAL
+    shared = np.sqrt(node.shared) * std * np.array([shares.common, shares.by_temperature])
     mean = np.zeros(4)
-    P = np.diag([GROWTH["shift"].start / USUAL, WIDE_RATE, shares.common * std, shares.by_temperature * std]) ** 2
+    P = np.diag([GROWTH["shift"].start / USUAL, WIDE_RATE, *shared]) ** 2
     log = 0.0
     for k, (at, shift, air) in enumerate(zip(s, shifts, temperatures, strict=True)):
         ds = at - s[k - 1] if k else 0.0
@@ -146,7 +147,7 @@ def one_node(n, spread, mean, guess=0):
 
 
 def test_the_probability_is_the_share_of_draws_beyond_the_limit():
-    n = WEAR_NODES.index((1.0, 0.2, 0.05))
+    n = WEAR_NODES.index((1.0, 1.0, 0.2, 0.05))
     wear = np.zeros((1, len(WEAR_NODES), 6))
     wear[:, :, 1:] = 0.3, 0.45, 0.15**2, 0.3**2, -0.8 * 0.15 * 0.3
     use = np.full((1, 2, len(USE_NODES), 3), np.nan)

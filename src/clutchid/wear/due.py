@@ -115,7 +115,7 @@ def reached_by(evidence: LifeEvidence, pool: TypePool, ahead: FloatArray, offset
         sd = np.sqrt(np.maximum(uu - ur**2 / rr, 1e-12)[:, None] + noise)
         for x, weight in zip(*_RATES, strict=True):
             rate = np.exp(mean + std * x)
-            value = u + offset * evidence.constant + ur / rr * (rate - r)
+            value = u + offset * np.sqrt(node.shared) * evidence.constant + ur / rr * (rate - r)
             beyond = (value[:, None] + rate[:, None] * ahead - evidence.limit[:, None]) / sd
             total += weights[n] * weight * np.maximum.accumulate(special.ndtr(beyond), axis=1)
     return total
@@ -165,7 +165,7 @@ def _inverted(reached: FloatArray, x: FloatArray) -> FloatArray:
         after = np.maximum(k, 1)
         rows = np.arange(len(reached))
         low, high = reached[rows, after - 1], reached[rows, after]
-        with np.errstate(invalid="ignore", divide="ignore"):
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             at = x[after - 1] + (quantile - low) / (high - low) * (x[after] - x[after - 1])
         at = np.where(reached[:, 0] >= quantile, 0.0, at)
         at = np.where(reached[:, -1] < quantile, np.inf, at)

@@ -34,9 +34,10 @@ from clutchid.wear.trend import (
 
 
 class WearNode(NamedTuple):
-    """Variance of independent errors as a multiple of the stated one; walk and scatter as shares of a usual rate."""
+    """Variances of independent and of shared errors over the stated ones; walk and scatter in usual rates."""
 
     noise: float
+    shared: float
     walk: float
     scatter: float
 
@@ -49,7 +50,9 @@ class UseNode(NamedTuple):
 
 
 #: Nodes of the variances, factors of 2.5 to 4 apart, on both sides of the guesses for a single vehicle.
-WEAR_NODES = tuple(map(WearNode._make, product((1 / 16, 1 / 4, 1.0, 4.0), (0.05, 0.2, 0.8), (0.015, 0.05, 0.15))))
+WEAR_NODES = tuple(
+    map(WearNode._make, product((1 / 16, 1 / 4, 1.0), (1 / 4, 1.0), (0.05, 0.2, 0.8), (0.015, 0.05, 0.15)))
+)
 USE_NODES = tuple(map(UseNode._make, product((0.08, 0.2, 0.5), (0.03, 0.1, 0.3))))
 
 #: Standard deviations, before any reading, of a rate in usual rates and of a level of the use: wide, as the type's own
@@ -213,8 +216,8 @@ def _wear(rows: _Rows, usual: float) -> FloatArray:
     walked = _walk(since, since) - _walk(since, z) - _walk(z, since) + _walk(z, z)
     scattered = same * np.maximum(np.minimum(age[:, None], age), 0.0)
     slopes, nodes = usual * rows.slopes, np.array(WEAR_NODES)[:, :, None, None]
-    K = start + nodes[:, 1] ** 2 * walked + nodes[:, 2] ** 2 * scattered
-    of_values = slopes[:, None] * K[:, :-1, :-1] * slopes + rows.shared + nodes[:, 0] * np.diag(rows.own)
+    K = start + nodes[:, 2] ** 2 * walked + nodes[:, 3] ** 2 * scattered
+    of_values = slopes[:, None] * K[:, :-1, :-1] * slopes + nodes[:, 1] * rows.shared + nodes[:, 0] * np.diag(rows.own)
     rate = np.broadcast_to(WIDE_RATE**2 * age[:-1], K[:, :-1, -1].shape)
     to_values = np.stack([slopes * K[:, :-1, -1], slopes * rate], axis=-1)
     prior = np.empty((len(WEAR_NODES), 2, 2))

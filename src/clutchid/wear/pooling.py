@@ -34,7 +34,7 @@ class Guess(NamedTuple):
 
 
 #: Of the rate, in usual wear a life, and of the use in its nodes: a third to three times of the usual. Guesses.
-RATE_GUESS = Guess(WearNode(1.0, 0.4, 0.05), float(np.log(0.6)), 0.9)
+RATE_GUESS = Guess(WearNode(1.0, 1.0, 0.4, 0.05), float(np.log(0.6)), 0.9)
 USE_GUESSES = tuple(Guess(UseNode(0.2, 0.1), float(usual), 0.6) for usual in USUAL_USE)
 
 #: Vehicles from which a type is pooled; fewer have the guess.
