@@ -218,7 +218,7 @@ def test_the_bands_are_those_of_wear_where_it_is_known():
 def test_replacements_are_shown_by_month_and_by_depot_for_three_months():
     north, south = "2.0\xa0(1.0\xa0to\xa04.0)", "4.0\xa0(2.0\xa0to\xa08.0)"
     (table,) = tag_tables(REPLACEMENTS)
-    assert table.title == "Replacements in the next 3 months by depot"
+    assert table.title == "Replacements in the next 3 months by depot, with 95 % bands"
     assert table.column("value") == ("south", "north")
     assert table.column("sum") == (12.0, 6.0)
     assert table.column("month 2") == (south, north)

@@ -325,7 +325,7 @@ def months_table(rows: Sequence[ReplacementRow]) -> ReportTable:
     """Replacements of all vehicles, a column a month."""
     months = [row for row in rows if not row.name]
     columns = (
-        Column("number", ""),
+        Column("number", "replacements"),
         *(Column(f"{row.month}", f"{row.month}", decimals=1, group="month") for row in months),
     )
     sides = ("expected", "95 % band, from", "to")
@@ -343,7 +343,7 @@ def tag_tables(rows: Sequence[ReplacementRow]) -> list[ReportTable]:
         sums = sorted(((sum(row.expected for row in months), months) for months in values), reverse=True)
         columns = (
             Column("value", printable(name)), Column("sum", f"{_QUARTER} months", decimals=1),
-            *(Column(f"month {month}", f"{month}", group="month, with 95 % band") for month in range(1, _QUARTER + 1)),
+            *(Column(f"month {month}", f"{month}", group="month") for month in range(1, _QUARTER + 1)),
         )  # fmt: skip
         cells = tuple(
             (
@@ -354,7 +354,7 @@ def tag_tables(rows: Sequence[ReplacementRow]) -> list[ReportTable]:
             for total, months in sums[:_VALUES]
         )
         more = f"{len(sums) - _VALUES:,} values with fewer replacements are left out here." if sums[_VALUES:] else ""
-        title = f"Replacements in the next {_QUARTER} months by {printable(name)}"
+        title = f"Replacements in the next {_QUARTER} months by {printable(name)}, with 95 % bands"
         tables.append(ReportTable(title, columns, cells, note=more))
     return tables
 
