@@ -124,7 +124,7 @@ def printable(text: str) -> str:
     >>> printable("run\x1b[31m\n7"), printable("\u202egpj.exe")
     ('run?[31m?7', '?gpj.exe')
     """
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
+    return text if text.isprintable() else "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def as_text(name: str) -> str:

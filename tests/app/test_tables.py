@@ -83,6 +83,13 @@ def test_each_table_of_a_run_opens_the_same_fleet(run, name):
     assert vehicles["peak"][1] == [4999.97, 4909.97, 5109.97]
     assert "was replaced between V 10 13 and V 10 14" in vehicles["alarms"][2]
     assert words["trends"]
+    shares = vehicles["p_within_90_days"]
+    assert shares[0] is None
+    assert 0.0 <= shares[1] <= vehicles["p_within_365_days"][1] <= 1.0
+    months, types = words["tables"]
+    assert months["heads"][1:3] == ["month 1", "month 2"]
+    assert [row[0] for row in months["rows"]] == ["expected", "95 % band, from", "to"]
+    assert types["rows"][0][:3] == ["A", "2", "guessed"]
 
 
 def test_the_file_of_a_vehicle_in_a_run_opens_it_alone(run):
@@ -95,6 +102,7 @@ def test_a_fleet_without_trends_has_loads_and_trust(run, tmp_path):
     shutil.copytree(run / "recordings", tmp_path / "recordings")
     fleet = shown(tmp_path / "results.parquet")
     assert (fleet["trends"], fleet["vehicles"]["recordings"]) == (False, [2, 20, 20])
+    assert fleet["tables"] == []
     words = shown(tmp_path / "results.parquet", STEADY)
     assert (words["trend"], len(words["loads"]), words["recordings"][0]["trust"]) == (None, 20, "good")
 

@@ -13,21 +13,27 @@ import numpy as np
 import pytest
 
 from clutchid.documents import document_of
-from clutchid.documents.fleet import distribution_figure, panels_of
+from clutchid.documents.fleet import replacements_figure
 from clutchid.documents.fleet_tables import (
+    ALARMS,
     ODD,
     ODD_AT_LEAST,
     ODD_SCORE,
     ReasonCount,
+    ReplacementRow,
+    TypeRow,
     VehicleRow,
+    alarms_table,
     all_table,
+    due_table,
     odd_vehicles,
     quantiles,
     reasons_table,
+    shared_table,
     spans_of,
-    worst_table,
+    tag_tables,
 )
-from clutchid.documents.html import page_of, write_page
+from clutchid.documents.html import PART, page_of, write_page
 from clutchid.documents.results import FleetWear
 from clutchid.documents.tables import Link
 from clutchid.wear.trend import Interval
@@ -47,6 +53,21 @@ def vehicle(name, shift=0.1e-3, rate=1e-10, left=1e5, **other):
         Interval(left, 0.5 * left, 2 * left), "strokes", (), f"vehicles/{name}.html",
     )  # fmt: skip
     return row._replace(**other)
+
+
+def forecast(name, share, km=9e4, days=120.0, **other):
+    """A vehicle with a forecast: the same probability within each horizon, and what is left in km and days."""
+    bands = (Interval(median, 0.5 * median, 2 * median) for median in (days, km))
+    fields = dict(zip(("left_days", "left_km"), bands, strict=True))
+    return vehicle(name, **{**fields, "within": (share,) * 6, "by_month": (share,) * 12, **other})
+
+
+#: Replacements of all vehicles and of two depots.
+REPLACEMENTS = [
+    ReplacementRow(*tag, month, expected * month, 0.5 * expected * month, 2 * expected * month)
+    for tag, expected in ((("", ""), 3.0), (("depot", "north"), 1.0), (("depot", "south"), 2.0))
+    for month in range(1, 13)
+]
 
 
 def unread(name, **other):
@@ -107,21 +128,14 @@ def test_the_page_has_every_section_and_says_how_many_vehicles_and_recordings_by
     )
     write_page(document_of(FleetWear(rows, reasons), "clutchid fleet <rows>"), tmp_path / "index.html")
     html = (tmp_path / "index.html").read_text(encoding="utf-8")
-    for heading in (
-        "By type",
-        "Soonest at their limit",
-        "Odd vehicles",
-        "Recordings that do not count",
-        "All vehicles",
-    ):
-        assert f"<h2>{heading}</h2>" in html
+    headings = ["Due first", "Alarms", "Types", "Odd vehicles", "Recordings that do not count", "All vehicles"]
+    assert re.findall("<h2>(.*?)</h2>", html)[:-1] == headings
     for words in (
         "3 vehicles, 30 recordings: 18 ok, 10 bad input, 2 failed",
         "2 of 3 vehicles have readings of the clutch. Their shift is 0.100 and 0.100 mm",
         "clutchid fleet &lt;rows&gt;",
     ):
         assert words in html
-    assert html.count("data:image/svg+xml") == 1
     assert Parsed(html).tables["12 recordings by reason"][1] == ["bad input", "12", "NAME has no position.", "r7"]
 
 
@@ -130,9 +144,9 @@ def test_the_table_of_all_vehicles_has_every_one_by_name_with_a_link_to_its_page
     rows = content.tables["All vehicles"][2:]
     assert [row[0] for row in rows] == ["V2", "V9", "V10"]
     assert rows[0][1:] == [
-        "A", "2026-05-01", "10", "9", "0.100", "0.070\xa0to\xa00.130", "2.0", "0.010", "100", "50\xa0to\xa0200", "",
+        "A", "100", "50\xa0to\xa0200", "2026-05-01", "10", "9", "0.100", "0.070\xa0to\xa00.130", "2.0", "0.010", "",
     ]  # fmt: skip
-    assert content.addresses.count("vehicles/V2.html") == 2  # here and among the worst
+    assert content.addresses.count("vehicles/V2.html") == 2  # here and among what is due
     assert parsed([vehicle("V1", page="")]).tables["All vehicles"][2][0] == "V1"
 
 
@@ -151,19 +165,22 @@ def test_hostile_names_are_shown_and_never_run(tmp_path):
     html = (tmp_path / "x.html").read_text(encoding="utf-8")
     page = Parsed(html)
     assert page.handlers == []
-    assert len(page.scripts) == html.count("<script") == html.count("</script") == 1
+    assert len(page.scripts) == html.count("<script") == html.count("</script") == 2
     assert "alert" not in page.scripts[0]
+    cells, links = json.loads(page.scripts[1])
+    assert cells[0] == [HOSTILE, "W", "??"]
+    assert all(re.fullmatch(r"vehicles/[\w%./-]+", link) for link in links)
     assert all(re.match(r"vehicles/[\w%./-]+$|#|data:image/", address) for address in page.addresses)
     assert [row[0] for row in page.tables["All vehicles"][2:]] == [HOSTILE, "W", "??"]
 
 
 def test_the_script_of_the_page_loads_nothing_and_names_no_server():
-    (script,) = parsed([vehicle("V")]).scripts
+    script, _ = parsed([vehicle("V")]).scripts
     assert parsed([]).scripts == [], "nor is there one without a long table"
     assert not re.search(r"https?:|fetch|import|innerHTML|eval|XMLHttp", script)
 
 
-def test_the_worst_are_those_with_the_least_left_then_the_most_worn():
+def test_without_probabilities_those_with_the_least_left_are_due_first_then_the_most_worn():
     rows = [
         vehicle("new", shift=0.01e-3, left=INF),
         vehicle("old", shift=-0.30e-3, left=INF),
@@ -172,16 +189,78 @@ def test_the_worst_are_those_with_the_least_left_then_the_most_worn():
         vehicle("unlimited", shift=0.02e-3, left=NAN),
         unread("dark"),
     ]
-    assert names(worst_table(rows, spans_of(rows))) == ["over", "soon", "old", "unlimited", "new"]
+    assert names(due_table(rows, spans_of(rows))) == ["over", "soon", "old", "unlimited", "new"]
 
 
-def test_the_worst_begin_with_what_is_left_and_have_the_band_of_the_shift_only_where_wear_is_not_known():
+def test_those_most_probable_to_reach_their_limit_soon_are_due_first_in_km_or_in_days_where_these_are_known():
+    rows = [forecast("V1", 0.2), forecast("V2", 0.7, km=1e4), forecast("V3", 0.01, km=INF)]
+    table = due_table(rows, spans_of(rows))
+    assert names(table) == ["V2", "V1", "V3"]
+    assert [column.heading for column in table.columns[2:5]] == ["20,000 km", "90 days", "365 days"]
+    assert table.columns[5].group == "left [thousand km]"
+    assert table.column("left") == (10.0, 90.0, INF)
+    days = [forecast("V4", 0.5, NAN, within=(NAN, NAN, NAN, 0.5, 0.6, 0.9)), forecast("V5", 0.3, left=1e3)]
+    table = due_table(days, spans_of(days))
+    assert names(table) == ["V4", "V5"]
+    assert table.columns[5].group == "left [days]"
+    assert table.column("within 20,000 km [1]")[1:] == (0.3,)
+    assert names(due_table([*days, vehicle("V6", left=5e5)], spans_of(days))) == ["V4", "V5", "V6"]
+
+
+def test_the_bands_are_those_of_wear_where_it_is_known():
     worn = [vehicle(f"V{i}", wear=Interval(1e-3, 0.9e-3, 1.1e-3)) for i in range(2)]
     for rows, banded in ((worn, False), ([*worn, vehicle("V3")], True), ([vehicle("V3")], True)):
-        for table in (worst_table(rows, spans_of(rows)), all_table(rows, [], spans_of(rows))):
+        for table in (due_table(rows, spans_of(rows)), all_table(rows, [], spans_of(rows))):
             assert ("shift band" in [column.name for column in table.columns]) == banded
             assert {len(row) for row in table.rows} == {len(table.columns)}
-    assert [column.name for column in worst_table(worn, spans_of(worn)).columns[2:4]] == ["left", "left band"]
+
+
+def test_replacements_are_shown_by_month_and_by_depot_for_three_months():
+    north, south = "2.0\xa0(1.0\xa0to\xa04.0)", "4.0\xa0(2.0\xa0to\xa08.0)"
+    (table,) = tag_tables(REPLACEMENTS)
+    assert table.title == "Replacements in the next 3 months by depot, with 95 % bands"
+    assert table.column("value") == ("south", "north")
+    assert table.column("sum") == (12.0, 6.0)
+    assert table.column("month 2") == (south, north)
+    assert tag_tables([ReplacementRow("lot", f"{k}", 1, 1.0, 0.0, 2.0) for k in range(40)])[0].note.startswith("10 ")
+    rows = [forecast("V1", 0.25), forecast("V2", 0.5)]
+    html = page_of(document_of(FleetWear(rows, [], [], REPLACEMENTS), "c"))
+    assert "limit: 0.8 within 20,000 km, 0.8 within 90 days, 0.8 within 365 days from their last" in html
+    assert Parsed(html).tables["Replacements in each month"][2][:3] == ["expected", "3.0", "6.0"]
+    assert html.count("data:image/svg+xml") == 1
+    axis = replacements_figure(REPLACEMENTS).axes[0]
+    assert [bar.get_height() for bar in axis.containers[0]] == [3.0 * month for month in range(1, 13)]
+    assert [text.get_text() for text in axis.texts][:2] == ["3.0", "6.0"]
+
+
+def test_alarms_stand_by_vehicle_with_the_newest_first():
+    old, new, newest = (f"it changed on 2026-0{month}-01: by 1 mm" for month in (1, 3, 4))
+    rows = [
+        vehicle("V1", alarms=(old,)),
+        vehicle("V2", alarms=(old, newest)),
+        vehicle("V3", alarms=(new,)),
+        vehicle("V4"),
+    ]
+    table = alarms_table(rows)
+    assert [(cell.text if cell else "") for cell in table.column("vehicle")] == ["V2", "", "V3", "V1"]
+    assert [text[14:24] for text in table.column("alarm")] == ["2026-04-01", "2026-01-01", "2026-03-01", "2026-01-01"]
+    assert table.rules == (2, 3)
+    assert table.title == "4 alarms of 3 vehicles"
+    html = page_of(document_of(FleetWear(rows, []), "c"))
+    assert "<p>4 alarms of 3 vehicles</p>" in html
+    assert "No vehicle stands out." in html
+
+
+def test_types_say_their_rate_and_use_and_whether_they_are_learnt():
+    rate, use = Interval(1e-9, 5e-10, 2e-9), Interval(200.0, 150.0, 300.0)
+    types = [
+        TypeRow("B", 2, False, "km", rate, use, use, 1.0, 0.4),
+        TypeRow("A", 9, True, "strokes", rate, use, use, 1.0, 0.4),
+    ]
+    table = shared_table(types)
+    assert table.rows[0][:6] == ("A", 9, "learnt", "0.100", "0.050\xa0to\xa00.200", "100,000\xa0strokes")
+    assert table.rows[1][2:4] == ("guessed", "0.010")
+    assert "200" in page_of(document_of(FleetWear([vehicle("V1")], [], types), "c"))
 
 
 @pytest.mark.parametrize(
@@ -200,7 +279,7 @@ def test_the_spread_of_few_vehicles_is_that_of_all_and_agrees_with_the_table_of_
 
 def test_what_is_left_is_compared_in_lives_where_vehicles_have_different_axes():
     rows = [vehicle("far", left=4e5), vehicle("near", left=8e4, axis="km")]  # 40 % and 20 % of a life
-    table = worst_table(rows, spans_of(rows))
+    table = due_table(rows, spans_of(rows))
     assert names(table) == ["near", "far"]
     assert table.column("left") == (pytest.approx(20.0), pytest.approx(40.0))
     assert table.columns[2].group == "left [% of a life]"
@@ -215,8 +294,8 @@ def test_without_a_limit_the_page_shows_the_most_worn_and_no_column_of_what_is_l
 
 def test_infinite_and_unknown_values_are_a_sign_and_a_dash():
     rows = parsed([vehicle("V1", left=INF), unread("V2")]).tables["All vehicles"]
-    assert rows[2][-3:-1] == ["∞", "∞\xa0to\xa0∞"]
-    assert rows[3][5:-1] == ["–"] * 6
+    assert rows[2][2:4] == ["∞", "∞\xa0to\xa0∞"]
+    assert rows[3][2:4] + rows[3][7:-1] == ["–"] * 6
 
 
 def test_a_fleet_without_a_reading_has_no_figure_but_its_vehicles_and_reasons():
@@ -268,54 +347,29 @@ def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
     rows = [vehicle("V1", alarms=("the load changed",), counted=4), vehicle("V2", counted=5), vehicle("V3")]
     odd = odd_vehicles(rows, spans_of(rows))
     assert [(entry.vehicle.name, entry.mark) for entry in odd] == [("V1", "alarm"), ("V1", "few readings")]
-    expected = ["The load changed.", "4 of 10 recordings count; by status: 9 ok, 1 failed."]
+    expected = ["", "4 of 10 recordings count; by status: 9 ok, 1 failed."]
     assert [entry.reason for entry in odd] == expected
     assert all_table(rows, odd, spans_of(rows)).column("odd") == ("alarm, few readings", "", "")
     assert "#filter=few+readings" in parsed(rows).addresses
 
 
 def test_long_lists_are_cut_and_say_what_is_left_out():
-    rows = [vehicle(f"V{i}", alarms=("a jump",)) for i in range(ODD + 5)]
-    caption = f"Alarm, a clutch replaced, a sudden change, a leak, a departure: {ODD} of {ODD + 5}"
+    rows = [vehicle(f"V{i}", counted=0) for i in range(ODD + 5)]
+    caption = f"Few readings, most recordings do not count: {ODD} of {ODD + 5}"
     assert len(parsed(rows).tables[caption]) == ODD + 1
+    alarms = alarms_table([vehicle(f"V{i}", alarms=("a jump", "a leak")) for i in range(ALARMS)])
+    assert (len(alarms.rows), alarms.note[:3]) == (ALARMS, f"{ALARMS} ")
     table = reasons_table([ReasonCount("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))
     assert table.note.startswith("5 rarer reasons, of 4,790 recordings")
 
 
-def test_the_figure_has_the_wear_where_it_is_known_and_the_shift_where_not():
-    rows = [vehicle("V1", wear=Interval(1e-3, 0.9e-3, 1.1e-3)), vehicle("V2"), vehicle("V3", left=INF)]
-    panels = panels_of(rows, spans_of(rows))
-    expected = ["wear of the facing", "shift of the half-load position", "left, median"]
-    assert [panel.words.split(" [")[0] for panel in panels] == expected
-    assert np.isnan(panels[1].values).tolist() == [True, False, False]
-    figure = distribution_figure(rows, spans_of(rows))
-    assert figure.axes[2].get_xlabel() == "left, median [thousand strokes]; not drawn: 1 with no end in sight"
-    assert sum(bar.get_height() for bar in figure.axes[1].patches) == 2
-
-
-@pytest.mark.parametrize(("types", "bars"), [(6, 6), (7, 1)])
-def test_few_types_have_a_colour_each_and_many_share_one(types, bars):
-    rows = [vehicle(f"V{i}", type=f"_{i % types}", shift=1e-5 * i) for i in range(5 * types)]
-    figure = distribution_figure(rows, spans_of(rows))
-    assert len({bar.get_facecolor() for bar in figure.axes[0].patches}) == bars
-    legend = figure.axes[0].get_legend()
-    assert (len(legend.get_texts()) if legend else 1) == bars
-
-
-def test_one_absurd_value_does_not_flatten_the_histogram():
-    rows = [vehicle(f"V{i}", shift=1e-6 * i) for i in range(300)] + [vehicle("X", shift=1.0)]
-    axis = distribution_figure(rows, spans_of(rows)).axes[0]
-    assert axis.get_xlim()[1] < 0.5
-    assert "not drawn: 1 above" in axis.get_xlabel()
-
-
-@pytest.mark.slow
-def test_a_page_of_two_thousand_vehicles_has_a_megabyte():
+def test_a_page_of_two_thousand_vehicles_is_small_and_has_the_first_rows():
     rows = [vehicle(f"V{i}", shift=1e-8 * i) for i in range(2_000)]
     html = page_of(document_of(FleetWear(rows, []), "c"))
-    assert len(html.encode()) < 1e6
-    assert html.count("<tr") > 2_000
+    assert len(html.encode()) < 5e5
+    assert len(Parsed(html).tables["All vehicles"]) == PART + 2
+    assert "The first 100 of 2,000 rows" in html
 
 
 #: A script that puts the vehicles that are shown after each address into the title of the page.
@@ -338,9 +392,9 @@ def test_a_browser_sorts_and_filters_by_the_address_with_unknown_values_last(tmp
     rows = [vehicle(f"V{i}", shift=shift) for i, shift in enumerate(shifts)] + [vehicle("other", type="B")]
     expected = {
         "": ["V0", "V1", "V2", "V3", "other"],
-        "sort=6&filter=v": ["V1", "V3", "V0", "V2"],
-        "sort=-6&filter=V": ["V0", "V3", "V1", "V2"],
-        "sort=7&filter=v": ["V1", "V3", "V0", "V2"],  # by the lower end of the band
+        "sort=8&filter=v": ["V1", "V3", "V0", "V2"],
+        "sort=-8&filter=V": ["V0", "V3", "V1", "V2"],
+        "sort=9&filter=v": ["V1", "V3", "V0", "V2"],  # by the lower end of the band
         "filter=b&sort=99&part=7": ["other"],
         "sort=-2": ["other", "V0", "V1", "V2", "V3"],
     }

@@ -96,6 +96,9 @@ def test_only_a_page_with_a_sortable_table_has_its_script_and_a_box_to_filter():
 def test_a_page_runs_its_own_script_and_loads_nothing():
     table = Sortable(ReportTable("all", (Column("a", "text"),), (("x",),)))
     scripted = of_blocks(table)
+    assert '[[["x\\u003c/script>"]],[""]]</script>' in of_blocks(
+        Sortable(ReportTable("all", (Column("a", "text"),), (("x</script>",),)))
+    )
     (script,) = re.findall(r"<script>(.*?)</script>", scripted, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     for html, allowed in ((scripted, f"; script-src 'sha256-{digest}'"), (page_of(PAGE), "")):

@@ -1,127 +1,62 @@
-"""A fleet as a document: distribution of wear, worst and odd vehicles, failures by reason, and all vehicles."""
+"""A fleet as a document: what is due, replacements, alarms, types, odd vehicles, failures by reason, all vehicles."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clutchid.documents.document import Block, Chapter, Document, LabelRow, Markup, Notice, Picture, Sortable, Text
-from clutchid.documents.figures import label, legend, new_figure
+from clutchid.documents.figures import label, new_figure
 from clutchid.documents.fleet_tables import (
     MARKS,
     ODD_AT_LEAST,
     ODD_SCORE,
     OddVehicle,
+    ReplacementRow,
     Spans,
     VehicleRow,
+    alarms_table,
     all_table,
+    due_table,
+    expected_due,
     has_reading,
-    left_shown,
+    months_table,
     odd_tables,
     odd_vehicles,
     quantiles,
     quantity_of,
     reasons_table,
+    shared_table,
     spans_of,
+    tag_tables,
     types_table,
-    worst_table,
 )
 from clutchid.documents.results import FleetWear
 from clutchid.documents.style import MM, STYLE
-from clutchid.log import FloatArray
-from clutchid.names import printable
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Types that have a colour of their own; more of them could not be distinguished.
-_TYPES = 6
 
-#: Bars of a histogram, at most.
-_BARS = 40
-
-_COLOURS = (STYLE.blue, STYLE.orange, STYLE.green, STYLE.purple, STYLE.red, STYLE.measured)
-
-
-class Panel(NamedTuple):
-    """A histogram: words of its axis, a value a vehicle, (n,), NaN where unknown."""
-
-    words: str
-    values: FloatArray
-
-
-def panels_of(vehicles: Sequence[VehicleRow], spans: Spans) -> list[Panel]:
-    """Wear where it is known, shift where a vehicle has only that, and what is left, where there is a limit."""
-    wear = np.array([vehicle.wear.value for vehicle in vehicles]) / MM
-    shift = np.array([vehicle.shift.value for vehicle in vehicles]) / MM
-    left = np.array([left_shown(vehicle, spans).value for vehicle in vehicles])
-    panels = [
-        Panel("wear of the facing [mm]", wear),
-        Panel("shift of the half-load position [mm]", np.where(np.isfinite(wear), np.nan, shift)),
-        Panel(f"left, median [{spans.left_words}]", left),
-    ]
-    return [panel for panel in panels if np.isfinite(panel.values).any()]
-
-
-def distribution_figure(vehicles: Sequence[VehicleRow], spans: Spans) -> Figure:
-    """A histogram a quantity, stacked by type where there are few; at least one value must be known."""
-    panels = panels_of(vehicles, spans)
-    figure, axes = new_figure([2.5] * len(panels), share_x=False)
-    types = np.array([vehicle.type for vehicle in vehicles])
-    names = [name for name, _ in Counter(types.tolist()).most_common()]
-    groups = [(f"type {printable(name)[:24]}" if name else "no type", types == name) for name in names]
-    if len(names) > _TYPES:
-        groups = [("", np.ones(types.size, dtype=bool))]
-    for axis, panel in zip(axes, panels, strict=True):
-        _histogram(axis, panel, groups)
-        label(axis, y="vehicles")
-    if len(groups) > 1:
-        legend(axes[0], _TYPES)
-    return figure
-
-
-def _histogram(axis: Axes, panel: Panel, groups: Sequence[tuple[str, np.ndarray]]) -> None:
-    """Bars over the range of nearly all values; how many lie outside stands below them."""
-    from matplotlib.ticker import MaxNLocator
-
-    finite = panel.values[np.isfinite(panel.values)]
-    low, high = _range(finite)
-    edges = np.linspace(low, high, int(np.clip(2 * np.sqrt(finite.size), 5, _BARS)) + 1)
-    bottom = np.zeros(edges.size - 1)
-    for (words, group), colour in zip(groups, _COLOURS, strict=False):
-        number = np.histogram(panel.values[group & np.isfinite(panel.values)], edges)[0]
-        axis.bar(
-            edges[:-1], number, np.diff(edges), bottom, align="edge", color=colour, edgecolor="white", linewidth=0.4,
-            label=words,
+def replacements_figure(rows: Sequence[ReplacementRow]) -> Figure:
+    """Replacements of all vehicles by month, with their 95 % intervals and numbers."""
+    figure, (axis,) = new_figure([2.2])
+    month, expected, low, high = np.array([row[2:] for row in rows if not row.name], dtype=np.float64).T
+    axis.bar(month, expected, 0.8, color=STYLE.blue, alpha=0.55)
+    sides = np.maximum([expected - low, high - expected], 0.0)
+    axis.errorbar(month, expected, sides, fmt="none", ecolor=STYLE.ink, elinewidth=1.2, capsize=3)
+    for x, top, number in zip(month, high, expected, strict=True):
+        words = f"{number:,.1f}" if number < 100 else f"{number:,.0f}"
+        axis.annotate(
+            words, (x, top), (0, 3), textcoords="offset points", ha="center", fontsize=STYLE.font_size - 0.5
         )  # fmt: skip
-        bottom = bottom + number
-    axis.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-    margin = 0.5 * (edges[1] - edges[0])
-    axis.set_xlim(low - margin, high + margin)
-    axis.set_ylim(0.0, max(1.0, 1.12 * bottom.max()))
-    axis.set_xlabel(panel.words + _outside(panel.values, low, high), fontsize=STYLE.font_size, color=STYLE.ink)
-
-
-def _range(values: FloatArray) -> tuple[float, float]:
-    """From the smallest to the greatest, but at most half their 98 % span beyond it."""
-    first, last = np.quantile(values, (0.01, 0.99))
-    margin = 0.5 * (last - first)
-    low, high = float(max(values.min(), first - margin)), float(min(values.max(), last + margin))
-    around = 0.05 * max(abs(low), abs(high)) or 0.5
-    return (low, high) if high - low > 1e-6 * around else (low - around, high + around)
-
-
-def _outside(values: FloatArray, low: float, high: float) -> str:
-    """Number of vehicles that are not drawn, in words."""
-    below, above = int(np.sum(values < low)), int(np.sum((values > high) & np.isfinite(values)))
-    endless, unknown = int(np.sum(np.isposinf(values))), int(np.sum(np.isnan(values)))
-    counts = {"below": below, "above": above, "with no end in sight": endless, "unknown": unknown}
-    shown = ", ".join(f"{number:,} {words}" for words, number in counts.items() if number)
-    return f"; not drawn: {shown}" if shown else ""
+    axis.set_ylim(0.0, max(1.15 * high.max(), 1.0))
+    axis.set_xticks(month)
+    label(axis, "month after the last recording of each vehicle", "replacements")
+    return figure
 
 
 #: Vehicles below which the range of all is said in place of that of nine in ten.
@@ -130,17 +65,33 @@ _FEW = 20
 
 def fleet_document(fleet: FleetWear, command: str = "") -> Document:
     """Document of a fleet, whose page leads to those of its vehicles."""
-    vehicles, spans = fleet.vehicles, spans_of(fleet.vehicles)
+    vehicles = fleet.vehicles
     measured = [vehicle for vehicle in vehicles if has_reading(vehicle)]
-    counted = f"{len(measured):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
-    rows = [LabelRow("wear", f"{counted}. {_spread(measured)}")] if measured else []
     return Document(
-        "Wear of a fleet", _subtitle(vehicles), tuple(rows),
+        "Wear of a fleet", _subtitle(vehicles), tuple(_rows(vehicles, measured)) if measured else (),
         notices=() if measured else (Notice("No recording determines the wear of a vehicle.", "none"),),
-        figure=(lambda: _distribution(vehicles, measured, spans)) if measured else None,
-        sections=lambda: _sections(fleet, spans),
+        sections=lambda: _sections(fleet, spans_of(vehicles)),
         command=command,
     )  # fmt: skip
+
+
+def _rows(vehicles: Sequence[VehicleRow], measured: Sequence[VehicleRow]) -> Iterator[LabelRow]:
+    """How many clutches are due, how many alarms there are, and the wear in short."""
+    if due := expected_due(vehicles):
+        sums = ", ".join(f"{number:,.1f} within {words}" for words, number in due)
+        yield LabelRow("due", f"Clutches that are expected to reach their limit: {sums} from their last recordings on.")
+    alarmed = [len(vehicle.alarms) for vehicle in vehicles if vehicle.alarms]
+    yield LabelRow(
+        "alarms", f"{_number(sum(alarmed), 'alarm')} of {_number(len(alarmed), 'vehicle')}" if alarmed else "none"
+    )
+    counted = f"{len(measured):,} of {_number(len(vehicles), 'vehicle')} have readings of the clutch"
+    yield LabelRow("wear", f"{counted}. {_spread(measured)}")
+
+
+_REPLACEMENTS = (
+    "Expected replacements by month, with 95 % intervals: each clutch reaches its limit by chance, and the error of a "
+    "calibration moves all of its vehicles."
+)
 
 
 def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
@@ -149,9 +100,16 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
     sections = []
     if any(map(has_reading, vehicles)):
         limited = any(not np.isnan(vehicle.left.value) for vehicle in vehicles)
-        sections.append(Chapter("By type", (types_table(vehicles, spans),)))
-        heading = "Soonest at their limit" if limited else "Most worn"
-        sections.append(Chapter(heading, (worst_table(vehicles, spans),)))
+        sections.append(Chapter("Due first" if limited else "Most worn", (due_table(vehicles, spans),)))
+    if any(row.by_month for row in vehicles):
+        rows = fleet.replacements
+        picture = Picture(replacements_figure(rows), _REPLACEMENTS, "Replacements by month")
+        sections.append(Chapter("Replacements", (picture, months_table(rows), *tag_tables(rows))))
+    alarms = alarms_table(vehicles) if any(row.alarms for row in vehicles) else Notice("No alarm.", "good")
+    sections.append(Chapter("Alarms", (alarms,)))
+    if any(map(has_reading, vehicles)):
+        shared = (shared_table(fleet.types),) if fleet.types else ()
+        sections.append(Chapter("Types", (*shared, types_table(vehicles, spans))))
     sections.append(Chapter("Odd vehicles", _odd(odd)))
     sections.append(Chapter("Recordings that do not count", (failures,)))
     if vehicles:
@@ -171,13 +129,6 @@ def _subtitle(vehicles: Sequence[VehicleRow]) -> str:
     return f"{words}: {by_status}" if by_status else words
 
 
-def _distribution(vehicles: Sequence[VehicleRow], measured: Sequence[VehicleRow], spans: Spans) -> Picture:
-    what = "their wear" if quantity_of(measured) == "wear" else "the shift of their half-load position"
-    more = " and by what is left until their limit" if any(np.isfinite(row.left.value) for row in vehicles) else ""
-    caption = f"Vehicles by {what} now{more}. In all figures and tables, changes are since the calibration of the type."
-    return Picture(distribution_figure(vehicles, spans), caption, "Histograms of wear and of what is left")
-
-
 def _spread(vehicles: Sequence[VehicleRow]) -> str:
     """The median and the range of nine vehicles in ten; of all where there are few, and of two that only."""
     name = quantity_of(vehicles)
@@ -194,7 +145,7 @@ def _spread(vehicles: Sequence[VehicleRow]) -> str:
 
 
 def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
-    if not odd:
+    if all(entry.mark == "alarm" for entry in odd):
         return (Notice("No vehicle stands out.", "good"),)
     counts = Counter(vehicle.mark for vehicle in odd)
     links = ", ".join(

@@ -1,10 +1,14 @@
-"""Tables of a fleet: by type, the worst, the odd, the reasons for failures, and every vehicle."""
+"""Tables of a fleet: what is due, replacements, alarms, types, the odd, reasons for failures, and every vehicle."""
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
+from functools import partial
+from itertools import groupby
+from math import isnan
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -15,6 +19,7 @@ from clutchid.documents.tables import Cell, Column, Link, ReportTable
 from clutchid.log import FloatArray
 from clutchid.names import capital, natural, printable
 from clutchid.wear import LIFE, Alarm, Axis, Interval
+from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM
 
 
 class ReasonCount(NamedTuple):
@@ -115,12 +120,16 @@ class ReplacementRow(NamedTuple):
 
 
 class Spans(NamedTuple):
-    """Units of rates and of what is left: by axis how many strokes, km and so on, and in words."""
+    """Units of rates and of what is left: by axis how many strokes, km and so on, and in words.
+
+    What is left is the field `left_in` of a vehicle.
+    """
 
     rate: Mapping[str, float]
     rate_words: str
     left: Mapping[str, float]
     left_words: str
+    left_in: str = "left"
 
 
 _SPANS = {
@@ -132,13 +141,23 @@ _SPANS = {
 
 
 def spans_of(vehicles: Sequence[VehicleRow]) -> Spans:
-    """The unit of the fleet's only axis; shares of a life where vehicles have different ones."""
-    axes = {vehicle.axis for vehicle in vehicles if np.isfinite(vehicle.rate) or not np.isnan(vehicle.left.value)}
+    """The unit of the fleet's only axis; shares of a life where vehicles have different ones.
+
+    What is left is in km, or else in days, where it is known so of every vehicle with a limit.
+    """
+    limited = [vehicle for vehicle in vehicles if not np.isnan(vehicle.left.value)]
+    axes = {vehicle.axis for vehicle in vehicles if np.isfinite(vehicle.rate)} | {vehicle.axis for vehicle in limited}
     if len(axes) > 1:
-        return Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
-    axis = axes.pop() if axes else "strokes"
-    rate, rate_words, left, left_words = _SPANS[axis]
-    return Spans({axis: rate}, rate_words, {axis: left}, left_words)
+        spans = Spans(LIFE, "life", {axis: life / 100 for axis, life in LIFE.items()}, "% of a life")
+    else:
+        axis = axes.pop() if axes else "strokes"
+        rate, rate_words, left, left_words = _SPANS[axis]
+        spans = Spans({axis: rate}, rate_words, {axis: left}, left_words)
+    for name in ("km", "days"):
+        if limited and not any(np.isnan(getattr(vehicle, f"left_{name}").value) for vehicle in limited):
+            *_, span, words = _SPANS[name]
+            return spans._replace(left=dict.fromkeys(LIFE, span), left_words=words, left_in=f"left_{name}")
+    return spans
 
 
 def rate_shown(vehicle: VehicleRow, spans: Spans) -> float:
@@ -149,7 +168,7 @@ def rate_shown(vehicle: VehicleRow, spans: Spans) -> float:
 def left_shown(vehicle: VehicleRow, spans: Spans) -> Interval:
     """Remaining life in the unit of the page."""
     span = spans.left.get(vehicle.axis, np.nan)
-    return Interval(*(value / span for value in vehicle.left))
+    return Interval(*(value / span for value in getattr(vehicle, spans.left_in)))
 
 
 def quantiles(values: Sequence[float], shares: Sequence[float]) -> list[float | None]:
@@ -214,7 +233,7 @@ def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicl
     A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
     median absolute deviation, which the odd ones hardly change.
     """
-    alarmed = [OddVehicle(row, "alarm", " ".join(map(_sentence, row.alarms)), len(row.alarms)) for row in vehicles]
+    alarmed = [OddVehicle(row, "alarm", "", len(row.alarms)) for row in vehicles]
     few = [OddVehicle(row, "few readings", _few(row), row.recordings - row.counted) for row in vehicles if _misses(row)]
     rows = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
     marks = list(MARKS)
@@ -260,23 +279,110 @@ def _sentence(words: str) -> str:
     return f"{capital(printable(words).rstrip('.'))}."
 
 
-#: Rows of the tables of the worst, of one kind of the odd, of types and of reasons, at most.
-_WORST, ODD, _TYPES, _REASONS = 20, 12, 30, 40
+_NBSP = "\N{NO-BREAK SPACE}"
+
+#: Rows of the tables of what is due, alarms, values of a tag, one kind of the odd, types and reasons, at most.
+_DUE, SHOWN_ALARMS, _VALUES, ODD, _TYPES, _REASONS = 20, 40, 30, 12, 30, 40
+
+#: Horizons that are shown: their places among the probabilities of a vehicle, and words.
+_HORIZONS = (
+    (0, f"{WITHIN_KM[0]:,.0f} km"),
+    *((len(WITHIN_KM) + k, f"{days:.0f} days") for k, days in enumerate(WITHIN_DAYS) if k != 1),
+)  # fmt: skip
+
+#: Share of a life that is as long as the shortest horizons are.
+_SOON = WITHIN_KM[0] / LIFE["km"]
+
+#: Months that are added up for a value of a tag.
+_QUARTER = 3
 
 
 #: A column with the cell of a vehicle in it.
 _Entry = tuple[Column, Callable[[VehicleRow], Cell]]
 
 
-def worst_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
-    """The vehicles with the least left, then the most worn ones; first what is left, by which they are sorted."""
-    worst = sorted(filter(has_reading, vehicles), key=_worst)[:_WORST]
-    load = Column("load [1]", "now", 0.01, 1, group="load [%]")
-    entries = [
-        *_NAMES, *_left(worst, spans), *_lengths(worst), (load, lambda vehicle: vehicle.load.value),
-        _band(load, lambda vehicle: vehicle.load), _rate(worst, spans),
-    ]  # fmt: skip
-    return _table(f"The worst {len(worst)} of {len(vehicles):,} vehicles", worst, entries, spans)
+def due_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
+    """The vehicles most probable to reach their limit soon, then the most worn ones."""
+    first = sorted(filter(has_reading, vehicles), key=_soon)[:_DUE]
+    entries = [*_NAMES, *_within(first), *_left(first, spans), *_lengths(first), _rate(first, spans)]
+    return _table(f"{len(first)} of {len(vehicles):,} vehicles", first, entries, spans)
+
+
+def expected_due(vehicles: Sequence[VehicleRow]) -> list[tuple[str, float]]:
+    """The expected number of clutches that reach their limit within each horizon that is known of some vehicle."""
+    sums = ((words, [row.within[place] for row in vehicles if row.within]) for place, words in _HORIZONS)
+    return [(words, float(np.nansum(shares))) for words, shares in sums if np.isfinite(shares).any()]
+
+
+def _soon(vehicle: VehicleRow) -> tuple[float, ...]:
+    """Sorts by the probability within the first horizon that is known, what is left in lives, wear and shift."""
+    life = LIFE[vehicle.axis]
+    shares = (vehicle.within[place] for place, _ in _HORIZONS[:2] if vehicle.within)
+    soon = next((share for share in shares if np.isfinite(share)), 0.5 * (vehicle.left.value <= _SOON * life))
+    left = [np.inf if np.isnan(value) else value / life for value in (vehicle.left.value, vehicle.left.low)]
+    worn = (0.0 if np.isnan(size) else -abs(size) for size in (vehicle.wear.value, vehicle.shift.value))
+    return -soon, *left, *worn
+
+
+def months_table(rows: Sequence[ReplacementRow]) -> ReportTable:
+    """Replacements of all vehicles, a column a month."""
+    months = [row for row in rows if not row.name]
+    columns = (
+        Column("number", "replacements"),
+        *(Column(f"{row.month}", f"{row.month}", decimals=1, group="month") for row in months),
+    )
+    sides = ("expected", "95 % band, from", "to")
+    cells = tuple(
+        (side, *numbers) for side, numbers in zip(sides, zip(*(row[3:] for row in months), strict=True), strict=True)
+    )
+    return ReportTable("Replacements in each month", columns, cells)
+
+
+def tag_tables(rows: Sequence[ReplacementRow]) -> list[ReportTable]:
+    """Replacements in the next months by the values of each tag, the most first."""
+    tables, shown = [], Column("replacements", "", decimals=1).shown
+    for name, own in groupby(filter(attrgetter("name"), rows), key=attrgetter("name")):
+        values = [list(months)[:_QUARTER] for _, months in groupby(own, key=attrgetter("value"))]
+        sums = sorted(((sum(row.expected for row in months), months) for months in values), reverse=True)
+        columns = (
+            Column("value", printable(name)), Column("sum", f"{_QUARTER} months", decimals=1),
+            *(Column(f"month {month}", f"{month}", group="month") for month in range(1, _QUARTER + 1)),
+        )  # fmt: skip
+        cells = tuple(
+            (
+                printable(months[0].value),
+                total,
+                *(f"{shown(row[3])} ({shown(row[4])} to {shown(row[5])})".replace(" ", _NBSP) for row in months),
+            )
+            for total, months in sums[:_VALUES]
+        )
+        more = f"{len(sums) - _VALUES:,} values with fewer replacements are left out here." if sums[_VALUES:] else ""
+        title = f"Replacements in the next {_QUARTER} months by {printable(name)}, with 95 % bands"
+        tables.append(ReportTable(title, columns, cells, note=more))
+    return tables
+
+
+def alarms_table(vehicles: Sequence[VehicleRow]) -> ReportTable:
+    """Alarms by vehicle, each with the newest first, and first the vehicle with the newest one."""
+    alarmed = sorted((row for row in vehicles if row.alarms), key=lambda row: _day(row.alarms[-1]), reverse=True)
+    listed = [(row, k, alarm) for row in alarmed for k, alarm in enumerate(reversed(row.alarms))]
+    columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("alarm", "alarm"))
+    rows = tuple(
+        ("" if k else _link(row), "" if k else printable(row.type), _sentence(alarm))
+        for row, k, alarm in listed[:SHOWN_ALARMS]
+    )
+    rules = tuple(place for place, (_, k, _) in enumerate(listed[:SHOWN_ALARMS]) if place and not k)
+    more = (
+        f"{len(listed) - SHOWN_ALARMS:,} older ones are on the pages of their vehicles."
+        if len(listed) > SHOWN_ALARMS
+        else ""
+    )
+    return ReportTable(f"{len(listed):,} alarms of {len(alarmed):,} vehicles", columns, rows, rules, more)
+
+
+def _day(alarm: str) -> str:
+    """The day of an alarm, which stands last in its sentence; empty where it is not known."""
+    return max(re.findall(r" on (\d{4}-\d\d-\d\d)", alarm)[-1:], default="")
 
 
 def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
@@ -286,13 +392,14 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: 
         marks[id(entry.vehicle)].append(entry.mark)
     entries: list[_Entry] = [
         *_NAMES,
+        *_within(vehicles)[:1],
+        *_left(vehicles, spans),
         (Column("last", "last"), lambda vehicle: f"{vehicle.last:%Y-%m-%d}" if vehicle.last else None),
         (Column("recordings", "all", decimals=0, group="recordings"), lambda vehicle: vehicle.recordings),
         (Column("counted", "counted", decimals=0, group="recordings"), lambda vehicle: vehicle.counted),
         *_lengths(vehicles),
         (Column("load [1]", "load\n[%]", 0.01, 1), lambda vehicle: vehicle.load.value),
         _rate(vehicles, spans),
-        *_left(vehicles, spans),
         (Column("odd", "odd"), lambda vehicle: ", ".join(marks[id(vehicle)])),
     ]
     return _table("All vehicles", sorted(vehicles, key=lambda vehicle: natural(vehicle.name)), entries, spans)
@@ -307,10 +414,10 @@ def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[_Entry]
 
 
 def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
-    """The oddest vehicles and why, a table a mark."""
+    """The oddest vehicles and why, a table a mark; alarms have their own."""
     columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("reason", "why"))
     tables = []
-    for mark, meaning in MARKS.items():
+    for mark, meaning in [*MARKS.items()][1:]:
         members = [entry for entry in odd if entry.mark == mark]
         rows = tuple((_link(entry.vehicle), printable(entry.vehicle.type), entry.reason) for entry in members[:ODD])
         number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
@@ -365,11 +472,45 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
 
 
-def _worst(vehicle: VehicleRow) -> tuple[float, float, float, float]:
-    """Sorts by what is left, in lives, then by wear and shift."""
-    life = LIFE[vehicle.axis]
-    left = [np.inf if np.isnan(value) else value / life for value in (vehicle.left.value, vehicle.left.low)]
-    return left[0], left[1], -np.nan_to_num(vehicle.wear.value), -abs(np.nan_to_num(vehicle.shift.value))
+def shared_table(types: Sequence[TypeRow]) -> ReportTable:
+    """Rates and uses of the types, by which their vehicles are forecast."""
+    rate, use = Column("rate [m]", "", MM, 3), Column("use", "", significant=3)
+    columns = (
+        Column("type", "type"), Column("vehicles", "vehicles", decimals=0), Column("learnt", "rate and use"),
+        *_spread_columns("rate [mm]"), Column("span", "per"),
+        *_spread_columns("use a day"), *_spread_columns("use a km"), Column("axis", "of"),
+    )  # fmt: skip
+    rows: list[tuple[Cell, ...]] = []
+    for row in sorted(types, key=lambda row: -row.vehicles)[:_TYPES]:
+        span, words, *_ = _SPANS[row.axis]
+        rows.append((
+            printable(row.name), row.vehicles, "learnt" if row.learnt else "guessed",
+            *_spread(rate, Interval(*(span * side for side in row.rate))), words.replace(" ", _NBSP),
+            *_spread(use, row.per_day), *_spread(use, row.per_km), row.axis,
+        ))  # fmt: skip
+    return ReportTable("What the vehicles of a type share in their forecast", columns, tuple(rows))
+
+
+def _spread_columns(group: str) -> tuple[Column, ...]:
+    return tuple(Column(f"{group} {words}", words, group=group) for words in ("median", "90 % of vehicles"))
+
+
+def _spread(column: Column, spread: Interval) -> tuple[str, ...]:
+    return column.shown(spread.value), f"{column.shown(spread.low)} to {column.shown(spread.high)}".replace(" ", _NBSP)
+
+
+def _within(vehicles: Sequence[VehicleRow]) -> list[_Entry]:
+    """Probabilities to reach the limit within the horizons of which some are known."""
+    entries: list[_Entry] = []
+    for place, words in _HORIZONS:
+        if any(row.within and np.isfinite(row.within[place]) for row in vehicles):
+            column = Column(f"within {words} [1]", words, 0.01, 1, group="reaches its limit within [%]")
+            entries.append((column, partial(_probability, place=place)))
+    return entries
+
+
+def _probability(vehicle: VehicleRow, place: int) -> float | None:
+    return vehicle.within[place] if vehicle.within else None
 
 
 def _lengths(vehicles: Sequence[VehicleRow]) -> Iterator[_Entry]:
@@ -389,9 +530,9 @@ def _band(column: Column, of: Callable[[VehicleRow], Interval], words: str = "95
 
     def shown(vehicle: VehicleRow) -> Cell:
         _, low, high = of(vehicle)
-        if np.isnan(low) or np.isnan(high):
+        if isnan(low) or isnan(high):
             return None
-        return f"{column.shown(low)} to {column.shown(high)}".replace(" ", "\N{NO-BREAK SPACE}")
+        return f"{column.shown(low)} to {column.shown(high)}".replace(" ", _NBSP)
 
     return Column(f"{name} band", words, group=column.group), shown
 

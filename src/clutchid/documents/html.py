@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import platform
 import re
 from collections.abc import Iterable, Mapping
@@ -15,7 +16,7 @@ from typing import Any
 
 from clutchid.documents.document import Block, Bullets, Details, Document, LabelRow, Notice, On, Picture, Sortable, Text
 from clutchid.documents.figures import png, svg
-from clutchid.documents.tables import ReportTable, to_html
+from clutchid.documents.tables import Link, ReportTable, to_html
 from clutchid.files import write_text
 
 #: Letters that no text of a page has: control characters, and marks that hide text or turn the direction of writing.
@@ -58,12 +59,24 @@ def page_of(document: Document) -> str:
     environment = html_templates("clutchid.documents")
     sections = tuple(document.sections())
     scripted = any(isinstance(block, Sortable) for section in sections for block in section.blocks)
-    script = environment.get_template("sortable.js").render() if scripted else ""
+    script = environment.get_template("sortable.js").render(part=PART) if scripted else ""
     html = environment.get_template("page.html.j2").render(
         document=document, sections=sections, answer=answer_html(document), provenance=_provenance(document),
         kind=lambda block: _KINDS[type(block)], table=to_html, address=_address, script=script, policy=_policy(script),
+        part=PART, cells=_cells,
     )  # fmt: skip
     return _UNSHOWN.sub("?", html)
+
+
+#: Rows of a sortable table that are shown at a time.
+PART = 100
+
+
+def _cells(table: ReportTable) -> str:
+    """JSON within a page: the cells of a table as displayed, by column, and the address of each row or nothing."""
+    cells = [[column.shown(row[i]) for row in table.rows] for i, column in enumerate(table.columns)]
+    links = [row[0].address if isinstance(row[0], Link) and row[0].path else "" for row in table.rows]
+    return json.dumps([cells, links], ensure_ascii=False, separators=(",", ":")).replace("<", r"\u003c")
 
 
 def answer_html(document: Document) -> str:

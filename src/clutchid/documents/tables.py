@@ -147,12 +147,12 @@ def _plain(cell: Cell) -> str:
     return cell if isinstance(cell, str) else repr(cell) if isinstance(cell, int) else repr(float(cell))
 
 
-def to_html(table: ReportTable) -> str:
-    """The table as an HTML fragment; all text is escaped."""
+def to_html(table: ReportTable, most: int | None = None) -> str:
+    """The table, or its first rows, as an HTML fragment; all text is escaped."""
     numeric = [_is_numeric(table, i) for i in range(len(table.columns))]
     first = _group_starts(table)
     body = []
-    for number, row in enumerate(table.rows):
+    for number, row in enumerate(table.rows[:most]):
         rule = ' class="rule"' if number in table.rules else ""
         cells = []
         for i, (column, cell) in enumerate(zip(table.columns, row, strict=True)):

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from clutchid.documents.fit_json import curve_json
+from clutchid.documents.fleet_tables import ReplacementRow, months_table, shared_table, tag_tables
+from clutchid.documents.tables import ReportTable
 from clutchid.documents.wear_rows import ALARMS
 from clutchid.errors import DataError
 from clutchid.files import reason_of
-from clutchid.fleets.output import RESULTS, VEHICLES
+from clutchid.fleets.output import REPLACEMENTS, RESULTS, TYPES, VEHICLES, WITHIN, type_of
 from clutchid.fleets.parts import PLACES
 from clutchid.fleets.storage import PARTS_FOLDER
 from clutchid.inference.uncertainty.estimates import LoadCurve
@@ -50,6 +52,8 @@ class Files(NamedTuple):
     vehicles: Path | None
     results: Path | None
     loads: tuple[Path, ...]
+    types: Path | None = None
+    replacements: Path | None = None
 
 
 def files_of(path: Path, below: Path) -> Files:
@@ -76,11 +80,12 @@ def files_of(path: Path, below: Path) -> Files:
     if kind == "wear":
         own = _inside(loads_path(path), below)
         return Files(path, None, None, (own,) if own else ())
-    names = {"vehicles": VEHICLES, "results": RESULTS}
+    names = {"vehicles": VEHICLES, "results": RESULTS, "types": TYPES, "replacements": REPLACEMENTS}
     paths = {other: _inside(path.with_name(name), below) for other, name in names.items()} | {kind: path}
     # files that are sent to the page lie beside each other
     parts = sorted((*(path.parent / PARTS_FOLDER).glob("date=*/part-*.parquet"), *path.parent.glob("part-*.parquet")))
-    return Files(None, paths["vehicles"], paths["results"], tuple(part for part in parts if _inside(part, below)))
+    loads = tuple(part for part in parts if _inside(part, below))
+    return Files(None, paths["vehicles"], paths["results"], loads, paths["types"], paths["replacements"])
 
 
 def _inside(path: Path, below: Path) -> Path | None:
@@ -152,7 +157,7 @@ def _own_file(files: Files, vehicle: str, below: Path) -> Path | None:
 
 
 def fleet_table(files: Files) -> dict[str, Any]:
-    """The vehicles of a fleet, a list of values a column, in the order of their names."""
+    """The vehicles of a fleet, a list of values a column, in the order of their names, and what the fleet shares."""
     rows = [] if files.vehicles is None else _read(files.vehicles).to_dicts()
     newest = {} if files.results is None else _newest(_read(files.results))
     rows = rows or [{"vehicle": name, **row} for name, row in newest.items()]
@@ -168,6 +173,8 @@ def fleet_table(files: Files) -> dict[str, Any]:
     changes = [[row.get(f"load_change{side}_percent") for side in SIDES] for row in shown]
     columns["load"] = [_band([_scaled(side, 0.01) for side in change]) for change in changes]
     columns["left"] = [_band([row.get(f"left_{row.get('axis')}{side}") for side in SIDES]) for row in shown]
+    for name in (WITHIN[0], WITHIN[3], WITHIN[5]):
+        columns[name] = [row.get(name) for row in shown]
     for name in ("trust", "peak", "half_load"):
         columns[name] = [newest.get(row["vehicle"], {}).get(name) for row in shown]
     return {
@@ -176,7 +183,24 @@ def fleet_table(files: Files) -> dict[str, Any]:
         "count": len(rows),
         "trends": files.vehicles is not None,
         "lives": LIFE,
+        "tables": [_text_of(table) for table in _shared_tables(files)],
     }
+
+
+def _shared_tables(files: Files) -> list[ReportTable]:
+    """Replacements and types of a fleet that has a forecast."""
+    types = [] if files.types is None else [type_of(row) for row in _read(files.types).iter_rows(named=True)]
+    if not types or files.replacements is None:
+        return []
+    rows = [ReplacementRow(*row) for row in _read(files.replacements).iter_rows()]
+    return [months_table(rows), *tag_tables(rows), shared_table(types)]
+
+
+def _text_of(table: ReportTable) -> dict[str, Any]:
+    """A table as text."""
+    heads = [f"{column.group} {column.heading}".strip() for column in table.columns]
+    rows = [[column.shown(cell) for column, cell in zip(table.columns, row, strict=True)] for row in table.rows]
+    return {"title": table.title, "heads": heads, "rows": rows, "note": table.note}
 
 
 def _band(sides: Sequence[Any]) -> list[float | str | None] | None:

@@ -284,7 +284,7 @@ _AXES = {"strokes": "stroke", "km": "km", "days": "day"}
 
 
 #: Columns of the probabilities to reach the limit within a horizon.
-_WITHIN = (
+WITHIN = (
     *(f"p_within_{km:.0f}_km" for km in WITHIN_KM), *(f"p_within_{days:.0f}_days" for days in WITHIN_DAYS),
 )  # fmt: skip
 
@@ -314,6 +314,20 @@ def _listed_type(row: TypeRow) -> dict[str, object]:
     return own | {name: value for name, value in numbers.items() if name in columns} | shares
 
 
+def type_of(columns: Mapping[str, Any]) -> TypeRow:
+    """A type from a row of its table."""
+
+    def band(name: str, factor: float = 1.0) -> Interval:
+        sides = (columns.get(f"{name}{side}") for side in SIDES)
+        return Interval(*(np.nan if side is None else factor * side for side in sides))
+
+    axis = columns["axis"]
+    return TypeRow(
+        columns["type"], columns["vehicles"], columns["is_learnt"], axis, band(f"rate_mm_per_{_AXES.get(axis)}", 1e-3),
+        band(f"{axis}_per_day"), band(f"{axis}_per_km"), columns["noise_share"], columns["walk_share"],
+    )  # fmt: skip
+
+
 def _replacement_schema() -> dict[str, Any]:
     """Columns of the table of replacements."""
     import polars as pl
@@ -332,7 +346,7 @@ def _vehicle_schema() -> dict[str, Any]:
         "vehicle": pl.String, "type": pl.String, "recordings": pl.Int64, "counted": pl.Int64,
         "last": pl.Datetime("us", "UTC"), "axis": pl.String,
         **{f"{name}{side}{unit}": pl.Float64 for name, unit in bands for side in SIDES},
-        **dict.fromkeys(_WITHIN, pl.Float64),
+        **dict.fromkeys(WITHIN, pl.Float64),
         **{f"rate_mm_per_{span}": pl.Float64 for span in _AXES.values()}, "limit_mm": pl.Float64,
         **dict.fromkeys(("alarms", "warnings", "file"), pl.String),
     }  # fmt: skip
@@ -349,7 +363,7 @@ def _listed(row: VehicleRow) -> Mapping[str, object]:
         **({f"rate_mm_per_{_AXES[row.axis]}": 1e3 * row.rate} if own else {}),
         **({f"left_{name}{end}": side for name, band in (("days", row.left_days), ("km", row.left_km))
             for end, side in zip(SIDES, band, strict=True)} if row.within else {}),
-        **dict(zip(_WITHIN, row.within, strict=False)),
+        **dict(zip(WITHIN, row.within, strict=False)),
         "limit_mm": 1e3 * row.limit, "alarms": "; ".join(row.alarms), "warnings": " ".join(row.warnings),
         "file": row.page.removesuffix(".html"), **{f"tag_{name}": value for name, value in row.tags},
     }  # fmt: skip

@@ -9,7 +9,15 @@ from scipy import special
 
 from clutchid.log import FloatArray
 from clutchid.wear.evidence import USE_NODES, WEAR_NODES, LifeEvidence
-from clutchid.wear.pooling import LEAST_WEIGHT, USE_GUESSES, TypePool, TypeSpread, level_posterior, rate_posterior
+from clutchid.wear.pooling import (
+    LEAST_WEIGHT,
+    USE_GUESSES,
+    TypePool,
+    TypeSpread,
+    level_posterior,
+    pooled,
+    rate_posterior,
+)
 
 #: Distances in km and times in days of which the probabilities are kept.
 WITHIN_KM, WITHIN_DAYS = (20e3, 50e3, 100e3), (90.0, 180.0, 365.0)
@@ -119,6 +127,12 @@ def reached_by(evidence: LifeEvidence, pool: TypePool, ahead: FloatArray, offset
             beyond = (value[:, None] + rate[:, None] * ahead - evidence.limit[:, None]) / sd
             total += weights[n] * weight * np.maximum.accumulate(special.ndtr(beyond), axis=1)
     return total
+
+
+def reached_by_one(evidence: LifeEvidence, ahead: FloatArray) -> FloatArray:
+    """The same for a single vehicle by its own recordings alone, (ahead,)."""
+    alone = LifeEvidence(*(part[None] for part in evidence))
+    return np.asarray(reached_by(alone, pooled(alone), ahead)[0])
 
 
 def _counting(spread: TypeSpread) -> FloatArray:

@@ -117,8 +117,10 @@ function columnsOf({ vehicles, lives }) {
   const unit = axes.size === 1 ? ` [${[...axes][0]}]` : "";
   const band = (name, title, shown) => ({ name, title, number: true, sort: (i) => infinite(vehicles[name][i]?.[0] ?? null), cell: (i) => interval(vehicles[name][i], shown) });
   const text = (name, title) => ({ name, title, sort: (i) => vehicles[name][i] || null, cell: (i) => vehicles[name][i] || "–" });
+  const due = Object.keys(vehicles).filter((name) => name.startsWith("p_within_")).map((name) => ({ name, number: true,
+    title: `due within ${name.slice(9).replace("_", " ")} [%]`, sort: (i) => vehicles[name][i], cell: (i) => (vehicles[name][i] === null ? "–" : decimals(1, 100)(vehicles[name][i])) }));
   return [
-    text("type", "type"),
+    text("type", "type"), ...due,
     { ...text("last", "last"), cell: (i) => h("span", { class: "date" }, vehicles.last[i]?.slice(0, 10) ?? "–") },
     { name: "counted", title: "recordings", number: true, sort: (i) => vehicles.counted[i], cell: (i) => `${vehicles.counted[i]} of ${vehicles.recordings[i]}` },
     { name: "trust", title: "trust", sort: (i) => ["good", "with care", "none"].indexOf(vehicles.trust[i]), cell: (i) => trusted(vehicles.trust[i]) },
@@ -132,10 +134,11 @@ function columnsOf({ vehicles, lives }) {
 
 function drawFleet(details, head, { id, found }, draw) {
   const { vehicles } = found;
-  if (!states.has(id)) states.set(id, { filter: "", sort: "", up: true, part: 0 });
-  const state = states.get(id);
   const order = new Intl.Collator("en", { numeric: true });
   const columns = [{ name: "vehicle", title: "vehicle", sort: (i) => vehicles.vehicle[i] }, ...columnsOf(found)];
+  const first = columns.find(({ name }) => name.startsWith("p_within_"))?.name ?? "";
+  if (!states.has(id)) states.set(id, { filter: "", sort: first, up: !first, part: 0 });
+  const state = states.get(id);
   const words = vehicles.vehicle.map((name, i) => `${name}\n${vehicles.type[i] ?? ""}\n${vehicles.trust[i] ?? ""}\n${vehicles.alarms[i] ?? ""}\n${vehicles.last[i] ?? ""}`.toLowerCase());
   const refused = h("div", {});
   const holder = h("div", {});
@@ -178,7 +181,9 @@ function drawFleet(details, head, { id, found }, draw) {
     found.count > vehicles.vehicle.length && notice(`Only the first ${vehicles.vehicle.length.toLocaleString("en")} vehicles are shown; the page of the fleet, index.html in its folder, has all.`, "care"),
     h("div", { class: "tools" }, h("label", { for: "filter" }, "Filter"), h("input", { type: "search", id: "filter", value: state.filter, placeholder: "name, type, trust, alarm", oninput: (event) => { state.filter = event.target.value; state.part = 0; show(); } }), count, earlier, later),
     holder,
-    h("p", { class: "hint" }, "Click a heading to sort, or a vehicle to open it. Values are those at the last recording, and changes are since the calibration. Intervals are 95 %, that of the life left 90 %; ∞ is more than five lives."));
+    h("p", { class: "hint" }, "Click a heading to sort, or a vehicle to open it. Due is the probability to reach the limit. Values are those at the last recording, and changes are since the calibration. Intervals are 95 %, that of the life left 90 %; ∞ is more than five lives."),
+    found.tables.map(({ title, heads: titles, rows, note }) => h("section", {}, h("h3", {}, title),
+      table(titles, rows.map(([name, ...cells]) => h("tr", {}, h("th", { scope: "row" }, name), cells.map((cell) => h("td", {}, cell)))), { name: "stack", scroll: title }), note && h("p", { class: "hint" }, note))));
   show();
 }
 

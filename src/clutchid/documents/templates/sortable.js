@@ -1,42 +1,69 @@
 "use strict";
-// The table of a page is shown in parts, and sorted and filtered by its reader; without this script it is there in full.
+// The table of a page is shown in parts, and sorted and filtered by its reader; without this script its first part is there.
 // The address of a state: #sort=3 by the third column, #sort=-3 from its greatest value, &filter=TEXT, &part=2.
 document.documentElement.classList.add("js");
 document.addEventListener("DOMContentLoaded", () => {
-  const SIZE = 200;
   const box = document.querySelector(".sortable");
+  const [cells, links] = JSON.parse(box.querySelector("script").textContent);
   const body = box.querySelector("tbody");
+  const sample = body.rows[0];
+  const SIZE = {{ part }};
   const heads = Array.from(box.querySelector("thead").rows).at(-1).cells;
   const [input, earlier, count, later] = ["input", ".earlier", ".count", ".later"].map((name) => box.querySelector(name));
   const order = new Intl.Collator("en", { numeric: true });
-  const all = Array.from(body.rows, (row) => ({ row, cells: Array.from(row.cells, (cell) => cell.textContent) }));
-  for (const one of all) one.text = one.cells.join("\n").toLowerCase();
+  const keys = new Map();
+  let texts = null;
   let state = { sort: 0, filter: "", part: 1 };
 
   const NUMBER = /^−?(∞|\d+(\.\d+)?)(\sto\s.+)?$/; // also a band, which is sorted by its lower end
   const number = (text) => Number(text.split(/\s/)[0].replace("−", "-").replace("∞", "Infinity"));
   const unknown = (text) => text === "–" || text === "";
 
+  function keysOf(column) {
+    if (!keys.has(column)) {
+      const numeric = cells[column].every((text) => unknown(text) || NUMBER.test(text));
+      keys.set(column, cells[column].map((text) => (unknown(text) ? null : numeric ? number(text) : text)));
+    }
+    return keys.get(column);
+  }
+
   function compared(column, sign) {
-    const numeric = all.every(({ cells }) => unknown(cells[column]) || NUMBER.test(cells[column]));
-    return (a, b) => {
-      const [x, y] = [a.cells[column], b.cells[column]];
-      const missing = unknown(x) - unknown(y);
-      if (missing || x === y) return missing; // unknown ones are last in either order
-      return sign * (numeric ? number(x) - number(y) : order.compare(x, y));
+    const key = keysOf(column);
+    return (i, j) => {
+      const [x, y] = [key[i], key[j]];
+      if (x === null || y === null) return (x === null) - (y === null); // unknown ones are last in either order
+      return x === y ? 0 : sign * (typeof x === "number" ? x - y : order.compare(x, y));
     };
   }
 
+  function matching(filter) {
+    const all = Array.from(links.keys());
+    if (!filter) return all;
+    texts ??= all.map((i) => cells.map((column) => column[i]).join("\n").toLowerCase());
+    return all.filter((i) => texts[i].includes(filter));
+  }
+
+  function row(i) {
+    const made = sample.cloneNode(true);
+    Array.from(made.cells).forEach((cell, column) => { cell.textContent = cells[column][i]; });
+    if (links[i]) {
+      const link = document.createElement("a");
+      link.setAttribute("href", links[i]);
+      link.textContent = cells[0][i];
+      made.cells[0].replaceChildren(link);
+    }
+    return made;
+  }
+
   function show() {
-    const wanted = state.filter.toLowerCase();
-    const found = all.filter((one) => one.text.includes(wanted));
+    const found = matching(state.filter.toLowerCase());
     const column = Math.abs(state.sort) - 1;
     if (column >= 0) found.sort(compared(column, Math.sign(state.sort)));
     const parts = Math.max(1, Math.ceil(found.length / SIZE));
     state.part = Math.min(Math.max(1, state.part), parts);
     const first = (state.part - 1) * SIZE;
     const part = found.slice(first, first + SIZE);
-    body.replaceChildren(...part.map((one) => one.row));
+    body.replaceChildren(...part.map(row));
     Array.from(heads).forEach((head, i) => {
       if (i === column) head.setAttribute("aria-sort", state.sort > 0 ? "ascending" : "descending");
       else head.removeAttribute("aria-sort");
