@@ -15,10 +15,10 @@ import pytest
 from clutchid.documents import document_of
 from clutchid.documents.fleet import replacements_figure
 from clutchid.documents.fleet_tables import (
-    ALARMS,
     ODD,
     ODD_AT_LEAST,
     ODD_SCORE,
+    SHOWN_ALARMS,
     ReasonCount,
     ReplacementRow,
     TypeRow,
@@ -357,8 +357,8 @@ def test_long_lists_are_cut_and_say_what_is_left_out():
     rows = [vehicle(f"V{i}", counted=0) for i in range(ODD + 5)]
     caption = f"Few readings, most recordings do not count: {ODD} of {ODD + 5}"
     assert len(parsed(rows).tables[caption]) == ODD + 1
-    alarms = alarms_table([vehicle(f"V{i}", alarms=("a jump", "a leak")) for i in range(ALARMS)])
-    assert (len(alarms.rows), alarms.note[:3]) == (ALARMS, f"{ALARMS} ")
+    alarms = alarms_table([vehicle(f"V{i}", alarms=("a jump", "a leak")) for i in range(SHOWN_ALARMS)])
+    assert (len(alarms.rows), alarms.note[:3]) == (SHOWN_ALARMS, f"{SHOWN_ALARMS} ")
     table = reasons_table([ReasonCount("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))
     assert table.note.startswith("5 rarer reasons, of 4,790 recordings")
