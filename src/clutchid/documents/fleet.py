@@ -55,7 +55,7 @@ def replacements_figure(rows: Sequence[ReplacementRow]) -> Figure:
         )  # fmt: skip
     axis.set_ylim(0.0, max(1.15 * high.max(), 1.0))
     axis.set_xticks(month)
-    label(axis, "month after the last recording of each vehicle", "replacements")
+    label(axis, "month after the last recording of each vehicle")
     return figure
 
 
