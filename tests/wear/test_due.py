@@ -236,6 +236,16 @@ def test_a_vehicle_with_one_recording_or_an_odometer_that_goes_back_is_forecast_
     assert table.left_km[5, 0] < 0.4e6 < table.left_km[5, 2]
 
 
+def test_an_outlier_before_a_replaced_clutch_leaves_a_forecast():
+    random = np.random.default_rng(13)
+    strokes, shifts, _ = steady(random, 3e-10)
+    shifts[0] += 2e-3
+    wear = vehicle(strokes, shifts)
+    assert wear.outcomes[0] != "missing"
+    assert np.isfinite(wear.evidence.wear).all()
+    assert wear.left.low < 1e6 - strokes[-1] < wear.left.high
+
+
 def test_a_fleet_of_new_clutches_has_no_end_in_sight_and_no_probability():
     random = np.random.default_rng(12)
     evidence = fleet_of([vehicle(*steady(random, 1e-13)[:2]) for _ in range(6)])

@@ -124,11 +124,16 @@ def life_evidence(
     measurements: Sequence[Measurement | None],
     steps: Sequence[TrendStep],
     ends: tuple[str, float],
-) -> LifeEvidence:
-    """The evidence of a vehicle along a path of its trend, with the quantity and the value that end its life."""
+) -> LifeEvidence | None:
+    """The evidence of a vehicle along a path of its trend, with the quantity and the value that end its life.
+
+    None where no measurement counts on the path.
+    """
     name, limit = ends
     per_life = float(np.copysign(GROWTH[name].rate, limit))
     rows = _rows(model, history.s, measurements, steps, model.quantities.index(name))
+    if rows is None:
+        return None
     dated = [history.dated[i] for i in history.order]
     lives, days, km = (
         history.s / model.life,
@@ -172,7 +177,7 @@ def _rows(
     measurements: Sequence[Measurement | None],
     steps: Sequence[TrendStep],
     quantity: int,
-) -> _Rows:
+) -> _Rows | None:
     """The measurements of a quantity that count, in lives; those since a sudden change do not."""
     channels = [c for c, (q, _) in enumerate(model.channels) if q == quantity]
     growth, (_, covariance) = GROWTH[model.quantities[quantity]], state_before(model, measurements)
@@ -181,15 +186,17 @@ def _rows(
     last, changed = np.nan, False
     states = smoothed_states(steps)
     for at, now, step, (mean, P) in zip(s.tolist(), measurements, steps, states, strict=True):
-        if now is None or step.outcome not in ("used", *CHANGE_OUTCOMES):
+        if now is None:
+            continue
+        since, last = at - last, at
+        if step.outcome not in ("used", *CHANGE_OUTCOMES):
             continue
         if not new:
             new, starts = [at], [growth.start**2]
         if step.outcome == "replaced":
-            since = at - last
             new.append(at - since / 2)
             starts.append((NEW * growth.start) ** 2 + (float(mean[2 * quantity + 1]) * since) ** 2 / 12)
-        changed, last = (changed or step.outcome == "sudden") and step.outcome != "replaced", at
+        changed = (changed or step.outcome == "sudden") and step.outcome != "replaced"
         if not changed:
             slopes, offsets = linearised(model, mean, P)
             errors, shares = errors_in(model, now), SHARES_BY[now.by]
@@ -197,6 +204,8 @@ def _rows(
                 value, std = ((now.shift, now.shift_std), (now.load, now.load_std))[c]
                 own = (shares[CHANNELS[c]].independent * std) ** 2
                 rows.append((at, value - offsets[c], slopes[c, 2 * quantity], errors[c], own, len(new) - 1))
+    if not rows:
+        return None
     places, values, slope, shares_of, variances, numbers = (
         np.array(column) for column in zip(*rows[-_MOST * len(channels) :], strict=True)
     )

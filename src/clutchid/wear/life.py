@@ -291,6 +291,8 @@ def wear_of(
     if end is None or not any(wear.counted) or wear.sudden:
         return wear
     evidence = life_evidence(model, history, measurements, paths[0].steps, (name, end))
+    if evidence is None:
+        return wear
     if not evidence.limit > _ERRORS * evidence.constant:
         error = 1e3 * evidence.constant * GROWTH[name].rate
         return replace(wear, warnings=(*wear.warnings, _WITHIN_ERROR.format(1e3 * end, error)))
