@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from wear_drawn import MEASURED, Truth, drawn, table_of, truth
+from wear_drawn import MEASURED, Truth, drawn, fleet_parser, table_of, truth
 
 from clutchid.estimation.assess.comparison import SHARES_BY, WORTH, Measurement
 from clutchid.log import FloatArray
@@ -290,14 +290,7 @@ def _prior(lives: Sequence[DrawnLife]) -> float:
 
 def main() -> None:
     """Print the lists by share of outliers: found (by one reading later) of replaced clutches and of jumps."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--family", default="A", choices=tuple(MEASURED))
-    parser.add_argument("--vehicles", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--types", type=int, default=4)
-    parser.add_argument("--seed", type=int, default=77)
-    parser.add_argument("--months", type=float, default=12.0)
-    parser.add_argument("--days", type=float, default=7.0)
+    parser = fleet_parser(__doc__, seed=77, months=12.0)
     parser.add_argument("--shares", type=float, nargs="+", default=[0.002, 0.01, 0.02])
     parser.add_argument("--estimated", action="store_true")
     options = parser.parse_args()

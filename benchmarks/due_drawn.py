@@ -21,7 +21,6 @@ of Prognostics and Health Management 1, 4); and replacements of all vehicles in 
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections import defaultdict
 from collections.abc import Sequence
@@ -33,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 from scipy import stats
-from wear_drawn import drawn, jobs, table_of, truth
+from wear_drawn import drawn, fleet_parser, jobs, table_of, truth
 
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.fleets.forecasts import forecast_of
@@ -42,9 +41,9 @@ from clutchid.truck.service import BY_CHANCE, EVENTS, WORN_OUT, Visit, visits
 from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM, Forecast, forecast, replacements
 from clutchid.wear.evidence import LifeEvidence
 from clutchid.wear.history import RecordingJob, WearReading, restored
-from clutchid.wear.life import LifeLimits, wear_of
+from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, wear_of
 from clutchid.wear.pooling import pooled
-from clutchid.wear.trend import LIFE, Interval, WearTable
+from clutchid.wear.trend import LIFE, WearTable
 
 #: Shares of a life at which forecasts are judged.
 SHARES = (0.25, 0.5, 0.75)
@@ -130,7 +129,7 @@ def forecasts(cases: Sequence[Case], *, alone: bool) -> Forecast:
     for rows in groups.values():
         evidence = stacked([cases[i] for i in rows])
         if alone:
-            vehicles = [LifeEvidence(*(part[[k]] for part in evidence)) for k in range(len(rows))]
+            vehicles = [evidence.at(slice(k, k + 1)) for k in range(len(rows))]
             parts += [forecast(vehicle, pooled(vehicle)) for vehicle in vehicles]
         else:
             parts.append(forecast(evidence, pooled(evidence)))
@@ -210,10 +209,9 @@ def print_accuracy(share: float, cases: Sequence[Case]) -> None:
 
 def print_cost(cases: Sequence[Case], count: int) -> None:
     """Time of the forecast of many vehicles, which are copies of some, from the texts of the index."""
-    unknown = Interval(*[float("nan")] * 3)
     rows = [
         VehicleRow(
-            f"V{k}", "", 1, 1, {"ok": 1}, None, unknown, unknown, unknown, 0.0, unknown, "strokes",
+            f"V{k}", "", 1, 1, {"ok": 1}, None, *[UNKNOWN_INTERVAL] * 3, 0.0, UNKNOWN_INTERVAL, "strokes",
             pool=f"T{k % 4}", evidence=cases[k % len(cases)].evidence.packed,
         )
         for k in range(count)
@@ -226,18 +224,14 @@ def print_cost(cases: Sequence[Case], count: int) -> None:
 
 def main() -> None:
     """Draw, forecast, compare."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--family", default="A", choices=("A", "B"))
-    for name, usual in (("vehicles", 1000), ("first", 0), ("types", 4), ("seed", 5000)):
-        parser.add_argument(f"--{name}", type=int, default=usual)
-    for name, number in (("months", 48.0), ("days", 7.0), ("odd", 0.0)):
-        parser.add_argument(f"--{name}", type=float, default=number)
+    parser = fleet_parser(__doc__)
+    parser.add_argument("--odd", type=float, default=0.0)
     parser.add_argument("--table", action="store_true")
     parser.add_argument("--axis", default="strokes", choices=("strokes", "km"))
     parser.add_argument("--events", action="store_true", help="planned events, as of `drive --events`")
     parser.add_argument("--readings", type=Path, help="readings of a fleet that was read")
     parser.add_argument(
-        "--cost", type=int, default=0, help="only time the forecast of so many vehicles, from stored numbers"
+        "--cost", type=int, default=0, help="only time the forecast of this number of vehicles, from stored numbers"
     )
     parser.add_argument("--keep", type=Path, help="results of a fleet, whose readings are kept in --readings")
     options = parser.parse_args()

@@ -32,12 +32,12 @@ from clutchid.wear.due import MONTHS
 #: Script that puts the milliseconds to open, sort and search into the title of the page.
 TIMED = """addEventListener("load", () => {
 const laid = () => (document.body.offsetHeight, performance.now());
-const found = [laid()];
-const timed = (act) => { const start = performance.now(); act(); found.push(laid() - start); };
+const times = [laid()];
+const timed = (act) => { const start = performance.now(); act(); times.push(laid() - start); };
 const buttons = Array.from(document.querySelectorAll(".sortable thead button"));
 timed(() => buttons.find((one) => one.textContent === "median").click());
 timed(() => { location.hash = "filter=777"; dispatchEvent(new HashChangeEvent("hashchange")); });
-document.title = JSON.stringify([...found, document.querySelectorAll(".sortable tbody tr").length]);
+document.title = JSON.stringify([...times, document.querySelectorAll(".sortable tbody tr").length]);
 })"""
 
 

@@ -162,16 +162,20 @@ def forecast(
     return None if wear.left is None else bool(wear.left.low <= left <= wear.left.high)
 
 
+def fleet_parser(text: str, seed: int = 5000, months: float = 48.0) -> argparse.ArgumentParser:
+    """Options of a fleet of drawn vehicles."""
+    parser = argparse.ArgumentParser(description=text.splitlines()[0])
+    parser.add_argument("--family", default="A", choices=tuple(MEASURED))
+    for name, whole in (("vehicles", 1000), ("first", 0), ("types", 4), ("seed", seed)):
+        parser.add_argument(f"--{name}", type=int, default=whole)
+    for name, number in (("months", months), ("days", 7.0)):
+        parser.add_argument(f"--{name}", type=float, default=number)
+    return parser
+
+
 def main() -> None:
     """Print the rates."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--family", default="A", choices=tuple(MEASURED))
-    parser.add_argument("--vehicles", type=int, default=1000)
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--types", type=int, default=4)
-    parser.add_argument("--seed", type=int, default=5000)
-    parser.add_argument("--months", type=float, default=48.0)
-    parser.add_argument("--days", type=float, default=7.0)
+    parser = fleet_parser(__doc__)
     parser.add_argument("--odd", type=float, default=0.0)
     parser.add_argument("--faults", type=float, default=0.0)
     options = parser.parse_args()

@@ -42,6 +42,18 @@ def is_frame(value: object) -> bool:
     return hasattr(value, "__arrow_c_stream__") or hasattr(value, "__dataframe__")
 
 
+def check_share(option: str, share: float, example: float) -> None:
+    """Refuse what is no share.
+
+    Raises
+    ------
+    ParameterError
+        If it is not from 0 to 1.
+    """
+    if not 0.0 <= share <= 1.0:
+        raise ParameterError(f"{option} {share}: is a share from 0 to 1, such as {example:g}.")
+
+
 def checked(function: _Function) -> _Function:
     """The function, with the kinds of its arguments checked.
 

@@ -6,9 +6,10 @@ from math import nan
 import polars as pl
 import pytest
 
+from clutchid.arguments import check_share
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
-from clutchid.fleets.alarm_table import alarm_list, check_false_share, list_words
+from clutchid.fleets.alarm_table import alarm_list, list_words
 from clutchid.wear import Alarm, Interval
 from fixtures.results import REPLACED, write_fleet
 
@@ -78,4 +79,4 @@ def test_a_run_with_nothing_new_writes_the_same_list_from_its_index(tmp_path):
 
 def test_a_share_of_false_alarms_is_a_share():
     with pytest.raises(ParameterError, match=r"--false-share 20: is a share from 0 to 1, such as 0.1"):
-        check_false_share(20)
+        check_share("--false-share", 20, 0.1)

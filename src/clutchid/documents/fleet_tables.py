@@ -20,6 +20,7 @@ from clutchid.log import FloatArray
 from clutchid.names import capital, natural, printable
 from clutchid.wear import LIFE, Alarm, Axis, Interval
 from clutchid.wear.due import WITHIN_DAYS, WITHIN_KM
+from clutchid.wear.life import UNKNOWN_INTERVAL
 
 
 class ReasonCount(NamedTuple):
@@ -29,10 +30,6 @@ class ReasonCount(NamedTuple):
     sentence: str
     recordings: int
     example: str
-
-
-#: An unknown interval.
-_UNKNOWN = Interval(*[float("nan")] * 3)
 
 
 class VehicleRow(NamedTuple):
@@ -73,8 +70,8 @@ class VehicleRow(NamedTuple):
     pool: str = ""
     quantity: str = "shift"
     evidence: str = ""
-    left_days: Interval = _UNKNOWN
-    left_km: Interval = _UNKNOWN
+    left_days: Interval = UNKNOWN_INTERVAL
+    left_km: Interval = UNKNOWN_INTERVAL
     within: tuple[float, ...] = ()
     by_month: tuple[float, ...] = ()
     events: tuple[Alarm, ...] = ()

@@ -9,7 +9,6 @@ import numpy as np
 
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.documents.wear_rows import alarm_words
-from clutchid.errors import ParameterError
 from clutchid.names import capital
 from clutchid.wear import Alarm
 from clutchid.wear.alarms import size_interval
@@ -23,18 +22,6 @@ ALARM_LIST = "alarms.parquet"
 
 #: Sizes with their units, and the kinds of alarms that have them.
 _SIZES = {"shift": "_mm", "load_change": "_percent", "leak": "_m3_per_Pa_s", "rest_shift": "_mm"}
-
-
-def check_false_share(share: float) -> None:
-    """Refuse what is no share.
-
-    Raises
-    ------
-    ParameterError
-        If it is not from 0 to 1.
-    """
-    if not 0.0 <= share <= 1.0:
-        raise ParameterError(f"--false-share {share}: is a share from 0 to 1, such as 0.1.")
 
 
 def alarm_list(rows: Sequence[VehicleRow], false_share: float) -> pl.DataFrame:

@@ -12,10 +12,9 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from clutchid.arguments import checked
+from clutchid.arguments import check_share, checked
 from clutchid.documents.fleet_tables import VehicleRow
 from clutchid.errors import ParameterError
-from clutchid.fleets.alarm_table import check_false_share
 from clutchid.fleets.cluster import ONE_WORKER, Workers
 from clutchid.fleets.forecasts import DueVehicle, forecast_of, horizon_of
 from clutchid.fleets.jobs import (
@@ -203,9 +202,8 @@ def fleet(
     if (limit is not None or horizon) and verb != "track":
         option = "--limit" if horizon is None else "--within"
         raise ParameterError(f"{option}: belongs to --verb track, which follows the wear.")
-    if not 0.0 <= fail_share <= 1.0:
-        raise ParameterError(f"--fail-share {fail_share}: is a share from 0 to 1, such as 0.2.")
-    check_false_share(false_share)
+    check_share("--fail-share", fail_share, 0.2)
+    check_share("--false-share", false_share, 0.1)
     places, calibrations = _places(source, out), Path(start)
     folder, storage = places.folder, places.target or Folder(places.folder)
     listed, absent = _listed(source, calibrations, folder, forget=forget_missing)

@@ -39,8 +39,8 @@ POSSIBLE = 0.5
 #: another truck. A guess.
 _FOREIGN = 5.0
 
-#: A truck's leak as a share of the one that is read, least and largest: 1 / 3.3 to 1 / 1.6 in "Alarms as a list" of
-#: benchmarks/results/wear.md, because the truck's slit has another temperature; and a reading may be right.
+#: Least and largest factor from the leak that a reading estimates to the truck's, whose slit has another temperature:
+#: 1 / 3.3 to 1 / 1.6 in "Alarms as a list" of benchmarks/results/wear.md; and a reading may be right.
 LEAK_FACTORS = 0.3, 1.2
 
 RestCause = Literal["", "sensor", "wear", "new clutch"]

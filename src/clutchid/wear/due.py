@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 from clutchid.log import FloatArray
+from clutchid.numerics.quadrature import normal_nodes
 from clutchid.wear.evidence import USE_NODES, WEAR_NODES, LifeEvidence
 from clutchid.wear.pooling import (
     LEAST_WEIGHT,
@@ -36,13 +38,8 @@ _AHEAD = np.concatenate([[0.0], np.geomspace(2e-3, FORECAST_LIVES, 47)])
 _CHUNK = 20_000
 
 
-def _normal_nodes(count: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of expectations over the standard normal distribution."""
-    nodes, weights = np.polynomial.hermite_e.hermegauss(count)
-    return np.asarray(nodes), np.asarray(weights / weights.sum())
-
-
-_RATES, _USES = _normal_nodes(9), _normal_nodes(7)
+#: Nodes and weights over the rate of a vehicle, and over its use.
+_RATES, _USES = normal_nodes(9), normal_nodes(7)
 
 
 class Forecast(NamedTuple):
@@ -73,10 +70,12 @@ class Forecast(NamedTuple):
 
 def forecast(evidence: LifeEvidence, pool: TypePool) -> Forecast:
     """The forecast of vehicles of a type."""
-    count = evidence.limit.size
-    chunks = [slice(k, k + _CHUNK) for k in range(0, count, _CHUNK)]
-    parts = [_forecast(LifeEvidence(*(part[some] for part in evidence)), pool) for some in chunks]
+    parts = [_forecast(evidence.at(some), pool) for some in _chunks(evidence)]
     return Forecast(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _chunks(evidence: LifeEvidence) -> Iterator[slice]:
+    return (slice(k, k + _CHUNK) for k in range(0, evidence.limit.size, _CHUNK))
 
 
 def _forecast(evidence: LifeEvidence, pool: TypePool) -> Forecast:
@@ -96,10 +95,9 @@ def _forecast(evidence: LifeEvidence, pool: TypePool) -> Forecast:
 
 def reached_within(evidence: LifeEvidence, pool: TypePool, q: int, x: FloatArray) -> FloatArray:
     """Probability of each vehicle to reach its limit within days (`q` = 0) or km (1) of its own, (k,)."""
-    count = evidence.limit.size
     parts = []
-    for some in (slice(k, k + _CHUNK) for k in range(0, count, _CHUNK)):
-        own = LifeEvidence(*(part[some] for part in evidence))
+    for some in _chunks(evidence):
+        own = evidence.at(some)
         parts.append(_by_use(reached_by(own, pool, _AHEAD), own, pool, q, x[some, None])[:, 0])
     return np.concatenate(parts)
 
@@ -131,7 +129,7 @@ def reached_by(evidence: LifeEvidence, pool: TypePool, ahead: FloatArray, offset
 
 def reached_by_one(evidence: LifeEvidence, ahead: FloatArray) -> FloatArray:
     """The same for a single vehicle by its own recordings alone, (ahead,)."""
-    alone = LifeEvidence(*(part[None] for part in evidence))
+    alone = evidence.at(None)
     return np.asarray(reached_by(alone, pooled(alone), ahead)[0])
 
 

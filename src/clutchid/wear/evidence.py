@@ -28,7 +28,6 @@ from clutchid.wear.trend import (
     TrendStep,
     errors_in,
     linearised,
-    smoothed_states,
     state_before,
 )
 
@@ -100,6 +99,10 @@ class LifeEvidence(NamedTuple):
     interval: FloatArray
     use: FloatArray
 
+    def at(self, places: slice | None) -> LifeEvidence:
+        """That of some vehicles; with None of a single one as that of one among many."""
+        return LifeEvidence(*(part[places] for part in self))
+
     @property
     def packed(self) -> str:
         """As text, for a table."""
@@ -123,15 +126,16 @@ def life_evidence(
     history: History,
     measurements: Sequence[Measurement | None],
     steps: Sequence[TrendStep],
+    states: Sequence[tuple[FloatArray, FloatArray]],
     ends: tuple[str, float],
 ) -> LifeEvidence | None:
     """The evidence of a vehicle along a path of its trend, with the quantity and the value that end its life.
 
-    None where no measurement counts on the path.
+    `states` are the smoothed ones of the path. None where no measurement counts on the path.
     """
     name, limit = ends
     per_life = float(np.copysign(GROWTH[name].rate, limit))
-    rows = _rows(model, history.s, measurements, steps, model.quantities.index(name))
+    rows = _rows(model, history.s, measurements, steps, states, model.quantities.index(name))
     if rows is None:
         return None
     dated = [history.dated[i] for i in history.order]
@@ -176,6 +180,7 @@ def _rows(
     s: FloatArray,
     measurements: Sequence[Measurement | None],
     steps: Sequence[TrendStep],
+    states: Sequence[tuple[FloatArray, FloatArray]],
     quantity: int,
 ) -> _Rows | None:
     """The measurements of a quantity that count, in lives; those since a sudden change do not."""
@@ -184,7 +189,6 @@ def _rows(
     rows: list[tuple[float, float, float, FloatArray, float, int]] = []
     new, starts = list[float](), list[float]()
     last, changed = np.nan, False
-    states = smoothed_states(steps)
     for at, now, step, (mean, P) in zip(s.tolist(), measurements, steps, states, strict=True):
         if now is None:
             continue

@@ -14,6 +14,7 @@ from scipy import special
 from clutchid.inference.uncertainty.estimates import LoadCurve
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
+from clutchid.numerics.quadrature import normal_nodes
 from clutchid.wear.alarms import CHANGED, Alarm, RestMove, alarms, rest_moves, suspects
 from clutchid.wear.due import forecast
 from clutchid.wear.evidence import LifeEvidence, life_evidence
@@ -290,7 +291,7 @@ def wear_of(
     )  # fmt: skip
     if end is None or not any(wear.counted) or wear.sudden:
         return wear
-    evidence = life_evidence(model, history, measurements, paths[0].steps, (name, end))
+    evidence = life_evidence(model, history, measurements, paths[0].steps, smoothed[0], (name, end))
     if evidence is None:
         return wear
     if not evidence.limit > _ERRORS * evidence.constant:
@@ -301,7 +302,7 @@ def wear_of(
 
 def _left(evidence: LifeEvidence, life: float) -> Remaining:
     """Remaining life of a clutch by its own recordings alone."""
-    alone = LifeEvidence(*(part[None] for part in evidence))
+    alone = evidence.at(None)
     return Remaining(*(life * forecast(alone, pooled(alone)).left[0]).tolist())
 
 
@@ -331,8 +332,7 @@ def _limit(table: WearTable | None, limit: float | None) -> tuple[str, float | N
 #: Mean and covariance of a state.
 Moments = tuple[FloatArray, FloatArray]
 
-#: Nodes and weights of expectations over the standard normal distribution.
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+_NODES, _WEIGHTS = normal_nodes(15)
 
 
 def _mixed(shares: FloatArray, states: Sequence[Moments]) -> Moments:

@@ -133,8 +133,9 @@ def _spread(likelihood: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]
     m, t = np.full(nodes, RATE_GUESS.mean), np.full(nodes, RATE_GUESS.spread)
     if count >= POOLED:
         for _ in range(_ITERATIONS):
-            m, t = _updated(*_moments(likelihood, m, t), t)
-    return m, _error(_moments(likelihood, m, t)[1], t, count), t
+            m, t = _updated(*_moments(likelihood, m, t), t, RATE_GUESS)
+    variance = _moments(likelihood, m, t)[1]
+    return m, _error(1 / np.maximum(1 / variance - 1 / t**2, 1e-12), t), t
 
 
 def rate_likelihood(wear: FloatArray) -> FloatArray:
@@ -166,21 +167,20 @@ def _density(m: FloatArray, t: FloatArray) -> FloatArray:
     return np.asarray(density / density.sum(axis=-1, keepdims=True))
 
 
-def _updated(mean: FloatArray, variance: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _updated(mean: FloatArray, variance: FloatArray, t: FloatArray, guess: Guess) -> tuple[FloatArray, FloatArray]:
     """A step of expectation maximisation from the posterior moments of the vehicles."""
     count = len(mean)
-    worth = (t / RATE_GUESS.spread) ** 2
-    centre = (mean.sum(axis=0) + worth * RATE_GUESS.mean) / (count + worth)
+    worth = (t / guess.spread) ** 2
+    centre = (mean.sum(axis=0) + worth * guess.mean) / (count + worth)
     spread = (variance + (mean - centre) ** 2).sum(axis=0) + _WORTH * _SPREAD**2
     return centre, np.sqrt(spread / (count + _WORTH))
 
 
-def _error(variance: FloatArray, t: FloatArray, count: int) -> FloatArray:
-    """Standard deviation of the mean of a type, from the posterior variances of its vehicles, (nodes,)."""
-    if count < POOLED:
+def _error(variance: FloatArray, t: FloatArray) -> FloatArray:
+    """Standard deviation of the mean of a type, from the variances of its vehicles without it, (nodes,)."""
+    if len(variance) < POOLED:
         return np.zeros_like(t)
-    information = np.maximum(1 / variance - 1 / t**2, 1e-12)
-    return np.asarray(1 / np.sqrt((1 / (t**2 + 1 / information)).sum(axis=0)))
+    return np.asarray(1 / np.sqrt((1 / (t**2 + variance)).sum(axis=0)))
 
 
 def _weights(evidence: FloatArray, nodes: tuple[WearNode, ...] | tuple[UseNode, ...], guess: Guess) -> FloatArray:
@@ -196,19 +196,13 @@ def _use(use: FloatArray, guess: Guess) -> TypeSpread:
     nodes = len(USE_NODES)
     m, t = np.full(nodes, guess.mean), np.full(nodes, guess.spread)
     own, v = level_likelihood(use, guess)
-    error = np.zeros(nodes)
     if len(use) >= POOLED:
         for _ in range(_ITERATIONS):
             gain = t**2 / (t**2 + v)
-            mean, variance = m + gain * (own - m), gain * v
-            worth = (t / guess.spread) ** 2
-            m = (mean.sum(axis=0) + worth * guess.mean) / (len(use) + worth)
-            spread = (variance + (mean - m) ** 2).sum(axis=0) + _WORTH * _SPREAD**2
-            t = np.sqrt(spread / (len(use) + _WORTH))
-        error = 1 / np.sqrt((1 / (t**2 + v)).sum(axis=0))
+            m, t = _updated(m + gain * (own - m), gain * v, t, guess)
     total = use[:, :, 0] + 0.5 * np.log((WIDE_LEVEL**2 + v) / (t**2 + v)) - 0.5 * (own - m) ** 2 / (t**2 + v)
     total += 0.5 * (own - guess.mean) ** 2 / (WIDE_LEVEL**2 + v)
-    return TypeSpread(_weights(total.sum(axis=0), USE_NODES, guess), m, error, t)
+    return TypeSpread(_weights(total.sum(axis=0), USE_NODES, guess), m, _error(v, t), t)
 
 
 def level_likelihood(use: FloatArray, guess: Guess) -> tuple[FloatArray, FloatArray]:
