@@ -11,7 +11,7 @@ from clutchid.wear.evidence import USE_NODES, WEAR_NODES, WIDE_RATE, LifeEvidenc
 from clutchid.wear.history import RecordingJob, WearReading
 from clutchid.wear.life import LifeLimits, wear_of
 from clutchid.wear.pooling import POOLED, TypePool, TypeSpread, pooled
-from clutchid.wear.trend import GROWTH, LIFE, NEW, REFERENCE
+from clutchid.wear.trend import GROWTH, LIFE, NEW, REFERENCE, WearTable
 
 USUAL, STD = GROWTH["shift"].rate, 30e-6
 
@@ -106,6 +106,31 @@ def test_the_rate_goes_on_where_a_clutch_is_replaced():
         mean, P, _ = filtered(strokes, shifts, air, node, {12: rate})
         np.testing.assert_allclose(row[1:3], mean, rtol=0.03, atol=2e-3)
         np.testing.assert_allclose(row[3:5], np.diag(P), rtol=0.05)
+
+
+def test_the_error_of_a_calibration_is_what_it_moves_the_wear_by():
+    wear = np.linspace(0.0, 4e-3, 5)
+    table, strokes = WearTable(wear, 0.05 * wear, 12.0 * wear), 4e4 * np.arange(20)
+
+    def state(moved=(0.0, 0.0)):
+        shares, stds = SHARES_BY["estimate"], (STD, 0.02)
+        own = 3e-9 * strokes
+        shifts, loads = (
+            scale * own + by * shares[name].common * std
+            for scale, by, name, std in zip((0.05, 12.0), moved, ("shift", "load"), stds, strict=True)
+        )
+        jobs = [RecordingJob(f"r{k:03d}", "V", "T", None, float("nan"), s) for k, s in enumerate(strokes)]
+        readings = [
+            WearReading("ok", "", "good", Measurement(*values, 0.02, REFERENCE))
+            for values in zip(shifts, [STD] * 20, loads, strict=True)
+        ]
+        return wear_of("V", jobs, readings, LifeLimits(table=table)).evidence
+
+    evidence = state()
+    best = int(np.argmax(evidence.wear[:, 0]))
+    moves = [state(moved).wear[best, 1] - evidence.wear[best, 1] for moved in ((1.0, 0.0), (0.0, 1.0))]
+    assert float(evidence.constant) == pytest.approx(np.hypot(*moves), rel=0.05)
+    assert 1e3 * GROWTH["wear"].rate * float(evidence.constant) > 0.1  # mm: 12 um of shift, or 2 % of load
 
 
 def test_a_type_teaches_the_spread_of_its_rates():

@@ -86,7 +86,8 @@ class LifeEvidence(NamedTuple):
     limit
         Wear that ends the life.
     constant
-        Standard deviation of the error that all vehicles of a calibration share.
+        Standard deviation of the wear by the error that all vehicles of a calibration share, at the most likely node
+        and as large as stated.
     interval : days
         Mean time between two recordings; NaN where it is not known.
     use : (2, nodes, 3)
@@ -146,9 +147,8 @@ def life_evidence(
     use = np.stack([_level(lives, x, days, usual) for x, usual in zip((days, km), USUAL_USE, strict=True)])
     gaps = np.diff(days)
     interval = np.array(gaps.mean() if gaps.size else np.nan)
-    return LifeEvidence(
-        _wear(rows, per_life), np.array(limit / per_life), np.array(rows.constant / abs(per_life)), interval, use
-    )
+    wear, constant = _wear(rows, per_life)
+    return LifeEvidence(wear, np.array(limit / per_life), np.array(constant), interval, use)
 
 
 def _day_and_km(job: RecordingJob) -> tuple[float, float]:
@@ -160,8 +160,8 @@ class _Rows(NamedTuple):
 
     The last row of `s`, `new` and `clutch` is the end, without a value: `values` and `slopes` have one less. `clutch`
     is the number of the clutch, `new` where on the axis it was new, `start` the variance of its quantity there.
-    `shared` is the covariance of the errors that recordings share, `own` the variance of each one's own, `constant`
-    [m] the standard deviation of the error of the calibration.
+    `shared` is the covariance of the errors that recordings share, `constant` the part of it that is the same at any
+    temperature, the error of the calibration, and `own` the variance of each one's own.
     """
 
     values: FloatArray
@@ -171,8 +171,8 @@ class _Rows(NamedTuple):
     clutch: IntArray
     start: FloatArray
     shared: FloatArray
+    constant: FloatArray
     own: FloatArray
-    constant: float
 
 
 def _rows(
@@ -214,15 +214,17 @@ def _rows(
         np.array(column) for column in zip(*rows[-_MOST * len(channels) :], strict=True)
     )
     clutch = np.append(numbers, len(new) - 1)
-    constant = float(np.sqrt(covariance[model.errors, model.errors])) / max(abs(float(slope[-1])), 1e-9)
+    places_of = [k for reader in model.readers for k in range(model.size)[model.errors_by(reader)[0]]]
+    constants = shares_of[:, places_of]
     return _Rows(
         values, slope, np.append(places, s[-1]) / model.life, np.array(new)[clutch] / model.life, clutch,
-        np.array(starts)[clutch], shares_of @ covariance @ shares_of.T, variances, constant,
+        np.array(starts)[clutch], shares_of @ covariance @ shares_of.T,
+        constants @ covariance[np.ix_(places_of, places_of)] @ constants.T, variances,
     )  # fmt: skip
 
 
-def _wear(rows: _Rows, usual: float) -> FloatArray:
-    """`LifeEvidence.wear` from values whose usual growth over a life is given, below 0 if it falls."""
+def _wear(rows: _Rows, usual: float) -> tuple[FloatArray, float]:
+    """`LifeEvidence.wear` and `constant` from values whose usual growth over a life is given, below 0 if it falls."""
     z, since = rows.s[-1] - rows.s, rows.s[-1] - rows.new
     age, same = rows.s - rows.new, rows.clutch[:, None] == rows.clutch
     start = same * rows.start / usual**2 + WIDE_RATE**2 * np.outer(age, age)
@@ -237,7 +239,9 @@ def _wear(rows: _Rows, usual: float) -> FloatArray:
     prior[:, 0, 0], prior[:, 1, 1] = K[:, -1, -1], WIDE_RATE**2
     prior[:, 0, 1] = prior[:, 1, 0] = WIDE_RATE**2 * age[-1]
     log, mean, P = _conditioned(rows.values, of_values, to_values, prior)
-    return np.column_stack([log, mean, P[:, 0, 0], P[:, 1, 1], P[:, 0, 1]])
+    best = int(np.argmax(log))
+    gain = np.linalg.solve(of_values[best], to_values[best, :, 0])
+    return np.column_stack([log, mean, P[:, 0, 0], P[:, 1, 1], P[:, 0, 1]]), float(np.sqrt(gain @ rows.constant @ gain))
 
 
 def _walk(a: FloatArray, b: FloatArray) -> FloatArray:
