@@ -36,6 +36,8 @@ from clutchid.documents.fleet_tables import (
 from clutchid.documents.html import PART, page_of, write_page
 from clutchid.documents.results import FleetWear
 from clutchid.documents.tables import Link
+from clutchid.documents.wear_rows import alarm_words
+from clutchid.wear import Alarm
 from clutchid.wear.trend import Interval
 from fixtures.programs import path_of
 
@@ -159,7 +161,7 @@ def test_a_link_is_relative_whatever_the_name_of_the_file():
 
 def test_hostile_names_are_shown_and_never_run(tmp_path):
     bad = {"type": HOSTILE, "page": f"vehicles/{HOSTILE}.html", "alarms": (HOSTILE,)}
-    rows = [vehicle(HOSTILE, **bad), vehicle("W", type="$x_$"), unread("\udcff\u202e")]
+    rows = [alarmed(HOSTILE, 0.99)._replace(**bad), vehicle("W", type="$x_$"), unread("\udcff\u202e")]
     reasons = [ReasonCount(HOSTILE, HOSTILE, 1, HOSTILE)]
     write_page(document_of(FleetWear(rows, reasons), HOSTILE), tmp_path / "x.html")
     html = (tmp_path / "x.html").read_text(encoding="utf-8")
@@ -233,21 +235,26 @@ def test_replacements_are_shown_by_month_and_by_depot_for_three_months():
     assert [text.get_text() for text in axis.texts][:2] == ["3.0", "6.0"]
 
 
-def test_alarms_stand_by_vehicle_with_the_newest_first():
-    old, new, newest = (f"it changed on 2026-0{month}-01: by 1 mm" for month in (1, 3, 4))
-    rows = [
-        vehicle("V1", alarms=(old,)),
-        vehicle("V2", alarms=(old, newest)),
-        vehicle("V3", alarms=(new,)),
-        vehicle("V4"),
-    ]
+def alarmed(name, *probabilities, month=1):
+    """A vehicle with alarms of given probabilities, each a month after the one before."""
+    events = tuple(
+        Alarm("r1", "r2", datetime(2026, month + k, 1, tzinfo=UTC), "replaced", 1e-3, 0.1, probability=p)
+        for k, p in enumerate(probabilities)
+    )
+    suspect = Alarm("r3", "r4", None, "unknown", 1e-3, 0.1, probability=0.6)
+    return vehicle(name, alarms=tuple(map(alarm_words, events)), events=(*events, suspect))
+
+
+def test_alarms_stand_by_their_probability_and_those_as_probable_with_the_newest_first():
+    rows = [alarmed("V1", 0.97), alarmed("V2", 0.99, 0.96), alarmed("V3", 0.99, month=6), vehicle("V4")]
+    rows.append(alarmed("V5", float("nan")))
     table = alarms_table(rows)
-    assert [(cell.text if cell else "") for cell in table.column("vehicle")] == ["V2", "", "V3", "V1"]
-    assert [text[14:24] for text in table.column("alarm")] == ["2026-04-01", "2026-01-01", "2026-03-01", "2026-01-01"]
-    assert table.rules == (2, 3)
-    assert table.title == "4 alarms of 3 vehicles"
+    assert [cell.text for cell in table.column("vehicle")] == ["V5", "V3", "V2", "V1", "V2"]
+    assert table.column("probability")[1:] == (0.99, 0.99, 0.97, 0.96)
+    assert "2026-06-01" in table.column("alarm")[1]
+    assert table.title == "5 alarms of 4 vehicles"
     html = page_of(document_of(FleetWear(rows, []), "c"))
-    assert "<p>4 alarms of 3 vehicles</p>" in html
+    assert "<p>5 alarms of 4 vehicles</p>" in html
     assert "No vehicle stands out." in html
 
 
@@ -344,7 +351,7 @@ def test_a_rate_is_compared_only_within_its_type_and_with_enough_vehicles():
 
 
 def test_alarms_and_missing_readings_are_odd_and_marked_among_all():
-    rows = [vehicle("V1", alarms=("the load changed",), counted=4), vehicle("V2", counted=5), vehicle("V3")]
+    rows = [alarmed("V1", 0.99)._replace(counted=4), vehicle("V2", counted=5), vehicle("V3")]
     odd = odd_vehicles(rows, spans_of(rows))
     assert [(entry.vehicle.name, entry.mark) for entry in odd] == [("V1", "alarm"), ("V1", "few readings")]
     expected = ["", "4 of 10 recordings count; by status: 9 ok, 1 failed."]
@@ -357,7 +364,7 @@ def test_long_lists_are_cut_and_say_what_is_left_out():
     rows = [vehicle(f"V{i}", counted=0) for i in range(ODD + 5)]
     caption = f"Few readings, most recordings do not count: {ODD} of {ODD + 5}"
     assert len(parsed(rows).tables[caption]) == ODD + 1
-    alarms = alarms_table([vehicle(f"V{i}", alarms=("a jump", "a leak")) for i in range(SHOWN_ALARMS)])
+    alarms = alarms_table([alarmed(f"V{i}", 0.99, 0.98) for i in range(SHOWN_ALARMS)])
     assert (len(alarms.rows), alarms.note[:3]) == (SHOWN_ALARMS, f"{SHOWN_ALARMS} ")
     table = reasons_table([ReasonCount("failed", f"reason {i}", 1000 - i, "e") for i in range(45)])
     assert table.column("recordings") == tuple(range(1000, 960, -1))

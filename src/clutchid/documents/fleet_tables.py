@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -360,26 +359,30 @@ def tag_tables(rows: Sequence[ReplacementRow]) -> list[ReportTable]:
 
 
 def alarms_table(vehicles: Sequence[VehicleRow]) -> ReportTable:
-    """Alarms by vehicle, each with the newest first, and first the vehicle with the newest one."""
-    alarmed = sorted((row for row in vehicles if row.alarms), key=lambda row: _day(row.alarms[-1]), reverse=True)
-    listed = [(row, k, alarm) for row in alarmed for k, alarm in enumerate(reversed(row.alarms))]
-    columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("alarm", "alarm"))
-    rows = tuple(
-        ("" if k else _link(row), "" if k else printable(row.type), _sentence(alarm))
-        for row, k, alarm in listed[:SHOWN_ALARMS]
+    """Alarms, those without a probability and the most probable first, and of these the newest."""
+    alarms = [
+        (row, words, event)
+        for row in vehicles
+        for words, event in zip(row.alarms, row.events[: len(row.alarms)], strict=True)
+    ]
+    alarms.sort(key=lambda entry: (entry[2].begin is not None, entry[2].begin), reverse=True)
+    alarms.sort(key=lambda entry: -np.nan_to_num(entry[2].probability, nan=1.0))
+    columns = (
+        *(column for column, _ in _NAMES),
+        Column("probability", "probability\n[%]", 0.01, 1),
+        Column("alarm", "alarm"),
     )
-    rules = tuple(place for place, (_, k, _) in enumerate(listed[:SHOWN_ALARMS]) if place and not k)
+    rows = tuple(
+        (_link(row), printable(row.type), event.probability, _sentence(words))
+        for row, words, event in alarms[:SHOWN_ALARMS]
+    )
     more = (
-        f"{len(listed) - SHOWN_ALARMS:,} older ones are on the pages of their vehicles."
-        if len(listed) > SHOWN_ALARMS
+        f"{len(alarms) - SHOWN_ALARMS:,} less probable ones are on the pages of their vehicles."
+        if alarms[SHOWN_ALARMS:]
         else ""
     )
-    return ReportTable(f"{len(listed):,} alarms of {len(alarmed):,} vehicles", columns, rows, rules, more)
-
-
-def _day(alarm: str) -> str:
-    """The day of an alarm, which stands last in its sentence; empty where it is not known."""
-    return max(re.findall(r" on (\d{4}-\d\d-\d\d)", alarm)[-1:], default="")
+    count = sum(bool(row.alarms) for row in vehicles)
+    return ReportTable(f"{len(alarms):,} alarms of {count:,} vehicles", columns, rows, note=more)
 
 
 def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
