@@ -15,15 +15,16 @@ the middle part of its service, and forecast with the vehicles of its type: unti
 Printed: probability within days and km in five bins against the share that came true, with its binomial 95 % interval,
 and the Brier score; how often 90 % intervals of what is left in strokes, days and km hold, and how wide they are; both
 with the types and by each vehicle alone; at 25, 50 and 75 % of a life: the share of vehicles whose median is within
-20 and 50 % of the truth (alpha-lambda), and the relative accuracy (1 - error / truth; Saxena et al., 2010, Int. Journal
-of Prognostics and Health Management 1, 4); and replacements of all vehicles in a month.
+20 and 50 % of the truth (alpha-lambda), and the relative accuracy (1 - error / truth); the prognostic horizon, the part
+of a life before its end from which the median stays within these, looked at in eighths (Saxena et al., 2010, Int.
+Journal of Prognostics and Health Management 1, 4); and replacements of all vehicles in a month.
 """
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
@@ -45,8 +46,9 @@ from clutchid.wear.life import UNKNOWN_INTERVAL, LifeLimits, wear_of
 from clutchid.wear.pooling import pooled
 from clutchid.wear.trend import LIFE, WearTable
 
-#: Shares of a life at which forecasts are judged.
-SHARES = (0.25, 0.5, 0.75)
+#: Shares of a life at which forecasts are judged, those of them that are printed, and the errors that are near.
+SHARES = tuple(k / 8 for k in range(1, 8))
+PRINTED, NEAR = (0.25, 0.5, 0.75), (0.2, 0.5)
 
 
 #: A recording that is not among those that were kept.
@@ -196,15 +198,32 @@ def report(cases: Sequence[Case], axis: str, *, alone: bool) -> None:
         f"{e:.0f} ({a:.0f}-{b:.0f}) {n}" for e, a, b, n in zip(*month, came, strict=True)))  # fmt: skip
 
 
-def print_accuracy(share: float, cases: Sequence[Case]) -> None:
-    """Alpha-lambda and relative accuracy at a share of the life."""
-    table = forecasts(cases, alone=False)
-    for words, median, q in (("strokes or km", None, 0), ("days", table.left_days[:, 1], 1)):
-        true = np.array([row.left[q] for row in cases])
-        middle = table.left[:, 1] * LIFE["strokes"] if median is None else median
-        error = np.abs(middle - true) / true
-        near = ", ".join(f"within {100 * alpha:.0f} % {100 * np.mean(error <= alpha):.0f}" for alpha in (0.2, 0.5))
-        print(f"  at {100 * share:.0f} % of life, {words}: {len(cases)}, {near}, accuracy {1 - np.median(error):.2f}")
+def print_accuracy(at_share: Mapping[float, Sequence[Case | None]]) -> None:
+    """Alpha-lambda and relative accuracy at shares of the life, and the prognostic horizon."""
+    for words, q in (("strokes or km", 0), ("days", 1)):
+        errors = np.array([_errors(rows, q) for rows in at_share.values()])
+        for share, error in zip(at_share, errors, strict=True):
+            if share in PRINTED:
+                own = error[np.isfinite(error)]
+                near = ", ".join(f"within {100 * alpha:.0f} % {100 * np.mean(own <= alpha):.0f}" for alpha in NEAR)
+                print(
+                    f"  at {100 * share:.0f} % of life, {words}: {own.size}, {near}, accuracy {1 - np.median(own):.2f}"
+                )
+        horizons = []
+        for alpha in NEAR:
+            near_to_end = np.logical_and.accumulate((errors <= alpha)[::-1])[:, np.isfinite(errors).all(axis=0)]
+            horizons.append(f"within {100 * alpha:.0f} % {np.median(near_to_end.sum(axis=0)):.0f}")
+        print(f"  prognostic horizon, {words}, median in eighths of a life: {', '.join(horizons)}")
+
+
+def _errors(rows: Sequence[Case | None], q: int) -> FloatArray:
+    """Errors of the medians as shares of the truth, in strokes (`q` = 0) or days; NaN where there is no forecast."""
+    errors = np.full(len(rows), np.nan)
+    places = [i for i, row in enumerate(rows) if row]
+    own = [row for row in rows if row]
+    table, true = forecasts(own, alone=False), np.array([row.left[q] for row in own])
+    errors[places] = np.abs((table.left_days[:, 1] if q else table.left[:, 1] * LIFE["strokes"]) / true - 1.0)
+    return errors
 
 
 def print_cost(cases: Sequence[Case], count: int) -> None:
@@ -244,7 +263,7 @@ def main() -> None:
     size = (options.vehicles, options.months, options.family, options.first, options.types, options.seed, options.days)
     tables = {n: table_of(options.family, n) for n in range(options.first, options.first + options.types)}
     cases: list[Case] = []
-    at_share: dict[float, list[Case]] = defaultdict(list)
+    at_share: dict[float, list[Case | None]] = {share: [] for share in SHARES}
     for service in visits(*size, plan):
         table = tables[service[0].number]
         worn = WORN_OUT * float(table.wear[-1])
@@ -263,17 +282,14 @@ def main() -> None:
             strokes = np.array([v.strokes for v in service])
             begin = strokes[whole.first]
             k = int(np.searchsorted(strokes, begin + share * (whole.ends[0] - begin)))
-            if k < whole.last:
-                at_share[share] += [
-                    row for row in [case(service, readings, k, whole.ends, limits, options.axis)] if row
-                ]
+            inside = k < whole.last
+            at_share[share].append(case(service, readings, k, whole.ends, limits, options.axis) if inside else None)
     if options.cost:
         print_cost(cases, options.cost)
         return
     for alone in (False, True):
         report(cases, options.axis, alone=alone)
-    for share, rows in at_share.items():
-        print_accuracy(share, rows)
+    print_accuracy(at_share)
 
 
 if __name__ == "__main__":
