@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from readings import CASES
+from readings import CASES, family_name, file_of
 
 from clutchid.estimation.assess.comparison import half_load
 from clutchid.estimation.assess.reasons import GOOD_ERROR, POOR_ERROR
@@ -59,8 +59,8 @@ class Band(NamedTuple):
 
 
 def stored(folder: Path, family: str, numbers: Sequence[int], recorded: str) -> list[Stored]:
-    """The readings in a folder with 'position' alone or with the 'supply' recorded."""
-    paths = {number: folder / f"{family}_{number:05d}.npz" for number in numbers}
+    """The readings in a folder with 'position' alone, the 'supply' or 'supply and air' recorded."""
+    paths = {number: file_of(folder, family, number) for number in numbers}
     return [reading for number, path in paths.items() if path.exists() for reading in of_file(path, number, recorded)]
 
 
@@ -148,6 +148,15 @@ USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and 0.3 of t
 #: Error in % of the peak that is bad.
 BAD_ERROR = 2.0
 
+#: Bands that are compared where the supply pressure is recorded.
+WITH_SUPPLY: Mapping[str, Callable[[Stored], Band]] = {
+    "before": before,
+    USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
+    USED_WITH_SUPPLY: with_filter,
+    "  half of it": lambda truck_reading: with_filter(truck_reading, 0.5),
+    "  0.7 of it": lambda truck_reading: with_filter(truck_reading, 0.7),
+}
+
 #: Bands that are compared, by what is recorded.
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
     "position": {
@@ -162,17 +171,12 @@ BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
         ),
         "0.3, and half of the joint filter": lambda truck_reading: with_filter(truck_reading, 0.5),
     },
-    "supply": {
-        "before": before,
-        USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
-        USED_WITH_SUPPLY: with_filter,
-        "  half of it": lambda truck_reading: with_filter(truck_reading, 0.5),
-        "  0.7 of it": lambda truck_reading: with_filter(truck_reading, 0.7),
-    },
+    "supply": WITH_SUPPLY,
+    "supply and air": WITH_SUPPLY,
 }
 
 #: Bands as they are used, by what is recorded.
-USED = {"position": USED_ALONE, "supply": USED_WITH_SUPPLY}
+USED = {"position": USED_ALONE, "supply": USED_WITH_SUPPLY, "supply and air": USED_WITH_SUPPLY}
 
 
 def rms(values: FloatArray) -> float:
@@ -279,7 +283,7 @@ def main() -> None:
     """Print a table for each thing that is recorded, and the cases of the bands as before and as used."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path)
-    options.add_argument("--family", default="A", choices=("A", "B"))
+    options.add_argument("--family", default="A", type=family_name, help="A, B, h:SEED or own")
     options.add_argument("--trucks", type=int, default=24)
     options.add_argument("--seed", type=int, default=0)
     chosen = options.parse_args()

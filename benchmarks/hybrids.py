@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from bands import BANDS, USED, Score, Stored, area, by_expected_error, of_file, score
-from readings import LACKING, store
+from readings import WITHOUT_AIR, store
 from widening import LATE
 
 from clutchid.errors import ClutchidError
@@ -179,12 +179,12 @@ def main() -> None:
     wanted, failed = range(chosen.seed, chosen.seed + chosen.hybrids), 0
     for seed in wanted if not chosen.table else ():
         try:
-            store(path_of(seed, chosen.out), 0, f"h:{seed}", cases(seed))
+            store(path_of(seed, chosen.out), 0, f"h:{seed}", cases(seed), WITHOUT_AIR)
         except ClutchidError as error:
             failed += 1
             print(f"h:{seed}: {error}", flush=True)
     seeds = [seed for seed in wanted if path_of(seed, chosen.out).exists()]
-    alone, supply = (read(seeds, chosen.out, recorded) for recorded in LACKING)
+    alone, supply = (read(seeds, chosen.out, recorded) for recorded in WITHOUT_AIR)
     print("Position alone:\n", *of_cases(alone), "Supply recorded:\n", *of_cases(supply), sep="\n")
     print(*of_parts(seeds, alone, supply), *of_worst(alone, chosen.out), sep="\n")
     refused = sum(len(cases(seed)) for seed in seeds) - len(alone)

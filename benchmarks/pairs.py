@@ -58,12 +58,12 @@ class Item(NamedTuple):
 
 def items(family: str, calibration: int, numbers: Sequence[int]) -> list[tuple[float, Item]]:
     """All readings with a calibration, by their place in the order of all; each kind is spread evenly."""
-    from readings import CASES, LACKING
+    from readings import CASES, WITHOUT_AIR
 
     rng = np.random.default_rng([calibration, ord(family), 49])
     kinds = (
         [Item(family, calibration, other, "pair") for other in numbers if other != calibration],
-        [Item(family, calibration, calibration, case, recorded) for case in CASES for recorded in LACKING],
+        [Item(family, calibration, calibration, case, recorded) for case in CASES for recorded in WITHOUT_AIR],
         [Item(family, calibration, calibration, f"leak {leak:g}") for leak in LEAKS]
         + [Item(family, calibration, calibration, f"leak {BESIDE[0]:g}, {case}") for case in BESIDE[1]],
     )

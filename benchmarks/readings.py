@@ -1,10 +1,13 @@
 """Store readings of changed trucks: ``python benchmarks/readings.py DIR --family A --trucks 8 --seed 0``.
 
-Every truck is calibrated once with pressure and the supply pressure recorded, into ``DIR/A_00000.toml``. Its worn
-clutch is read under the cases of `widening.py` from position alone, with the supply pressure recorded and without, and
-followed by observers. ``DIR/A_00000.npz`` has every reading as plain arrays named CASE/RECORDED/ARRAY, from which
-`bands.py` computes any band without a fit. What is there is not made again, so that a run can be stopped. A reading
-that is refused is printed and has no arrays.
+Every truck is calibrated once with pressure and the supply pressure recorded, into ``DIR/A_00000.toml``, and once with
+the ambient temperature as well, ``DIR/A_00000_air.toml``. Its worn clutch is read under the cases of `widening.py` from
+position alone, with the supply pressure recorded and without, and with both recorded, and followed by observers.
+Families: A, B, a hybrid h:SEED, and own, the plant of `own_plant.py`, which shares no part with the package.
+
+``DIR/A_00000.npz`` has every reading as plain arrays named CASE/RECORDED/ARRAY, from which `bands.py` computes any band
+without a fit. What is there is not made again, so that a run can be stopped. A reading that is refused is printed and
+has no arrays.
 
 The arrays, with the h hypotheses in the order of `HYPOTHESES`, at the points of `GRID`: `truth` (points,) in N;
 `searched`, `score` and `odds` (h,); `load` (h, points) and its standard deviations `std` and, for a share of 1 of the
@@ -22,9 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from widening import LATE, calibrated, worn_clutch
+from widening import LATE, OWN, calibrated, worn_clutch
 
-from clutchid.errors import ClutchidError, SolveError
+from clutchid.errors import ClutchidError, ParameterError, SolveError
 from clutchid.estimation.departure import relative_misfit
 from clutchid.estimation.hypotheses import (
     Explanation,
@@ -48,6 +51,7 @@ from clutchid.numerics.failure import Failure
 from clutchid.observer import observe_recording, observer
 from clutchid.strokes.vented_rest import from_rest
 from clutchid.truck import GRID
+from clutchid.truck.families import RANGE_FILES, family_label, hybrid_letters
 
 #: Changes between calibration and use.
 CASES = (
@@ -56,29 +60,55 @@ CASES = (
 )  # fmt: skip
 
 #: Columns that a reading lacks, by what it has.
-LACKING = {"position": ("temperature_ambient", "pressure_supply"), "supply": ("temperature_ambient",)}
+LACKING: dict[str, tuple[str, ...]] = {
+    "position": ("temperature_ambient", "pressure_supply"), "supply": ("temperature_ambient",), "supply and air": (),
+}  # fmt: skip
+
+#: What is recorded where the ambient temperature is not.
+WITHOUT_AIR = ("position", "supply")
 
 #: A posterior without what is added to it, and with a grease that is missed by the whole load.
 PLAIN, GREASE = IntervalSettings(missed=0.0, least=0.0), IntervalSettings(missed=1.0, least=0.0)
 
 
-def calibration_of(number: int, family: str, path: Path) -> ParameterFile:
+def family_name(text: str) -> str:
+    """Name of a family, for `argparse`."""
+    if text not in (*RANGE_FILES, OWN):
+        try:
+            hybrid_letters(text)
+        except ParameterError as error:
+            raise argparse.ArgumentTypeError(f"{text!r}: must be A, B, {OWN}, or h:SEED, such as h:7.") from error
+    return text
+
+
+def file_of(folder: Path, family: str, number: int) -> Path:
+    """File of the readings of a truck; beside it lie its calibrations, `.toml` and `_air.toml`."""
+    return folder / f"{family_label(family).removesuffix('_')}_{number:05d}.npz"
+
+
+def calibration_of(number: int, family: str, path: Path, recorded: str = "supply") -> ParameterFile:
     """The calibration of a truck, from its file if it has one."""
     if not path.exists():
-        once = calibrated(number, family, LACKING["supply"], "shooting")
+        once = calibrated(number, family, LACKING[recorded], "shooting")
         write_parameters(contents_of_fit(once, once.verdict.trust), path)
     return read_parameters(path)
 
 
-def one_truck(number: int, family: str, path: Path, cases: Sequence[str] = CASES) -> dict[str, Any]:
-    """Readings of a truck under some cases, with the calibration in a file."""
-    once = calibration_of(number, family, path)
-    assert once.calibration is not None, "a calibration with pressure keeps one"
+def one_truck(
+    number: int, family: str, path: Path, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING)
+) -> dict[str, Any]:
+    """Readings of a truck under some cases, with the calibration in a file, and another beside it for recorded air."""
+    calibrations = {}
+    for recorded in columns:
+        # a calibration knows the air that its recording had, so that a reading without needs its own
+        own, of = (path, "supply") if recorded in WITHOUT_AIR else (path.with_stem(f"{path.stem}_air"), recorded)
+        calibrations[recorded] = calibration_of(number, family, own, of)
     arrays_of_truck: dict[str, Any] = {}
     for case in cases:
         worn = worn_clutch(number, family, case)
-        for recorded, without in LACKING.items():
-            log = worn.log.without(*without)
+        for recorded, once in calibrations.items():
+            assert once.calibration is not None, "a calibration with pressure keeps one"
+            log = worn.log.without(*LACKING[recorded])
             try:
                 counted = from_rest(log, once.calibration.rest, "subtract").log
                 arrays = reading(counted, once.actuator, once.calibration)
@@ -160,13 +190,15 @@ def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str
     return {follower.method: follower.load(observe_recording(follower, log).after).force(GRID)}
 
 
-def store(path: Path, number: int, family: str, cases: Sequence[str] = CASES) -> None:
+def store(
+    path: Path, number: int, family: str, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING)
+) -> None:
     """Read a truck that has no file yet."""
     if path.exists():
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    arrays = one_truck(number, family, path.with_suffix(".toml"), cases)
+    arrays = one_truck(number, family, path.with_suffix(".toml"), cases, columns)
     part = path.with_suffix(".part")
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)
@@ -178,13 +210,13 @@ def main() -> None:
     """Store the readings of some trucks."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path)
-    options.add_argument("--family", default="A", choices=("A", "B"))
+    options.add_argument("--family", default="A", type=family_name, help="A, B, h:SEED or own")
     options.add_argument("--trucks", type=int, default=8)
     options.add_argument("--seed", type=int, default=0)
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     for number in range(chosen.seed, chosen.seed + chosen.trucks):
-        store(chosen.folder / f"{chosen.family}_{number:05d}.npz", number, chosen.family)
+        store(file_of(chosen.folder, chosen.family, number), number, chosen.family)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from multiprocessing import get_context
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from own_plant import OwnDrive, own_drive, own_type
 from prove import SECONDS, STROKES_A_METRE, Answer, score
 
 from clutchid import DataError, Fit, FitRequest, Prior, SolveError, fit
@@ -41,6 +42,9 @@ TRUSTS = ("good", "with care", "none")
 
 #: Wear of the facing in m under every change.
 WEAR = 1.5e-3
+
+#: Family of the plant that shares no part with the package, `own_plant.py`.
+OWN = "own"
 
 #: Cases that `drive` does not make: duty cycles that are recorded late, and a calibration of the truck before.
 LATE, ANOTHER = "duty one sample late", "another truck's calibration"
@@ -131,24 +135,33 @@ def one_truck(number: int, family: str, cases: Sequence[str], remedies: Sequence
 
 def calibrated(number: int, family: str, without: Sequence[str], method: MethodName) -> Fit:
     """A calibration of a truck from a recording without some columns."""
-    log = drive(truck(number, family), seconds=SECONDS, seed=seeds(number)[0], name="calibration", conditions=True).log
+    seed, name = seeds(number)[0], "calibration"
+    if family == OWN:
+        log = own_drive(number, seed, name=name).log
+    else:
+        log = drive(truck(number, family), seconds=SECONDS, seed=seed, name=name, conditions=True).log
     return fit(log.without(*without), measure=("position", "pressure_a"), free=("auto",), method=method)
 
 
 def worn_clutch(
     number: int, family: str, case: str, bus: bool = False, another: int = 0, kind: Vehicle | None = None
-) -> Drive:
+) -> Drive | OwnDrive:
     """A recording of a truck's worn clutch, in the controller or on the bus; `another` numbers further ones.
 
     `kind` is driven in its place, with its seeds.
     """
     changes, options = CASES[case]
-    kind = kind or truck(number, family)
-    worn = drive(
-        kind, seconds=SECONDS, seed=seeds(number)[1] + another, wear=WEAR, cycles=WEAR * STROKES_A_METRE,
-        pressure=False, change=changes, name="worn", conditions=True,
-        **({"recorder": "bus"} if bus else {}), **options(kind),
-    )  # fmt: skip
+    seed = seeds(number)[1] + another
+    worn: Drive | OwnDrive
+    if family == OWN:
+        own = options(own_type(number))
+        worn = own_drive(number, seed, wear=WEAR, pressure=False, change=changes, name="worn", **own)
+    else:
+        kind = kind or truck(number, family)
+        worn = drive(
+            kind, seconds=SECONDS, seed=seed, wear=WEAR, cycles=WEAR * STROKES_A_METRE, pressure=False, change=changes,
+            name="worn", conditions=True, **({"recorder": "bus"} if bus else {}), **options(kind),
+        )  # fmt: skip
     if case != LATE:
         return worn
     late = {name: np.append(worn.log[name][:1], worn.log[name][:-1]) for name in INPUTS}
