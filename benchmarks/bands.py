@@ -1,16 +1,18 @@
-"""How certain a load from position alone may be called: ``python benchmarks/bands.py DIR --family A --seed 3200``.
+"""How certain a load from position alone may be called: ``python benchmarks/bands.py DIR --family A --seed 3700``.
 
 Compares bands of the readings that `readings.py` has stored in DIR, without a fit. Columns: points from 0.5 to 20 mm in
 the 95 % band, with their standard error by truck, and of pairs of changes with another supply; the median width of the
 band from low to high and its interval score (Winkler 1972: width, and 40 times what is missed; smaller is better), in %
 of the peak; error, rms, median / worst; area under the curve of the expected error for loads more than 2 % off, within
-the cases, so that the mix of cases does not matter.
+the cases, so that the mix of cases does not matter. For each case also the width that each part of the variance would
+have alone.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,15 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from readings import CASES, family_name, file_of
 
-from clutchid.estimation.assess.comparison import half_load
 from clutchid.estimation.assess.reasons import GOOD_ERROR, POOR_ERROR
 from clutchid.estimation.filtered_load import FILTER_WEIGHT
-from clutchid.estimation.hypotheses import INTERVAL_SETTINGS, flattened, softmax
+from clutchid.estimation.hypotheses import INTERVAL_SETTINGS, WITH_SUPPLY, IntervalSettings, flattened, softmax
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
-from clutchid.truck import GRID
 
 #: Bootstraps of the blocks.
 BOOTSTRAPS = 100
@@ -38,9 +38,9 @@ PAIRS = ("supply and warm", "supply and cold")
 
 
 class Stored(NamedTuple):
-    """A stored reading: number of the truck, case, and its arrays by name."""
+    """A stored reading: name of the truck, case, and its arrays by name."""
 
-    truck: int
+    truck: str
     case: str
     arrays: Mapping[str, Any]
 
@@ -58,20 +58,20 @@ class Band(NamedTuple):
     high: FloatArray
 
 
-def stored(folder: Path, family: str, numbers: Sequence[int], recorded: str) -> list[Stored]:
-    """The readings in a folder with 'position' alone, the 'supply' or 'supply and air' recorded."""
-    paths = {number: file_of(folder, family, number) for number in numbers}
-    return [reading for number, path in paths.items() if path.exists() for reading in of_file(path, number, recorded)]
+def stored(folder: Path, families: Sequence[str], numbers: Sequence[int], recorded: str) -> list[Stored]:
+    """The readings in a folder with 'position' alone, with the 'supply', or with 'supply and air' recorded."""
+    paths = [file_of(folder, family, number) for family in families for number in numbers]
+    return [reading for path in paths if path.exists() for reading in of_file(path, recorded)]
 
 
-def of_file(path: Path, truck: int, recorded: str) -> list[Stored]:
+def of_file(path: Path, recorded: str) -> list[Stored]:
     """The readings of a file, in the order in which they were made."""
     arrays, by_reading = np.load(path), dict[str, dict[str, Any]]()
     for key in arrays.files:
         case, columns, name = key.split("/")
         if columns == recorded:
             by_reading.setdefault(case, {})[name] = arrays[key]
-    return [Stored(truck, case, own) for case, own in by_reading.items()]
+    return [Stored(path.stem, case, own) for case, own in by_reading.items()]
 
 
 class Weights(NamedTuple):
@@ -87,96 +87,87 @@ def weights(reading: Stored, part: float = INTERVAL_SETTINGS.evidence) -> Weight
     return Weights(softmax(searched), flattened(reading.arrays["score"], part))
 
 
-def bootstraps(reading: Stored, part: float | None = None) -> Weights:
-    """Means of the probabilities over bootstraps of the blocks, for the band too, or with a part of the evidence.
+def contested(reading: Stored) -> float:
+    """Share of the bootstraps of the blocks in which another hypothesis is the most probable one.
 
-    A block that is drawn twice adds its cost at the solution again (Kishino, Miyata and Hasegawa 1990); a mean over
-    bootstraps is a bagged posterior (Huggins and Miller 2023).
+    A block that is drawn twice adds its cost at the solution again (Kishino, Miyata and Hasegawa 1990).
     """
-    drawn = drawn_scores(reading)
-    mean: FloatArray = np.mean([softmax(row) for row in drawn], axis=0)
-    return Weights(mean, mean if part is None else np.mean([flattened(row, part) for row in drawn], axis=0))
-
-
-def drawn_scores(reading: Stored) -> FloatArray:
-    """Logarithms of the odds of all hypotheses in each bootstrap, shape (bootstraps, h)."""
     score, costs = reading.arrays["score"], reading.arrays["costs"]
     blocks = costs.shape[1]
     times = np.random.default_rng(0).multinomial(blocks, np.full(blocks, 1.0 / blocks), size=BOOTSTRAPS)
-    drawn: FloatArray = score - 0.5 * (times - 1) @ costs.T
-    return drawn
+    return float(np.mean(np.argmax(score - 0.5 * (times - 1) @ costs.T, axis=1) != np.argmax(score)))
 
 
-def contested(reading: Stored) -> float:
-    """Share of the bootstraps in which another hypothesis is the most probable one."""
-    return float(np.mean(np.argmax(drawn_scores(reading), axis=1) != np.argmax(reading.arrays["score"])))
+class Variances(NamedTuple):
+    """Variances of the load at the points of the grid by part, in N², each (h, points).
+
+    `data` is what the data leave open under a hypothesis, `grease` and `least` are those of `IntervalSettings`.
+    """
+
+    data: FloatArray
+    grease: FloatArray
+    least: FloatArray
 
 
-def posterior(reading: Stored, of: Weights, least: float = INTERVAL_SETTINGS.least) -> Mixture:
-    """Posterior of the load at the points of the grid, as independent numbers: only their own intervals are used."""
+def variances(reading: Stored, settings: IntervalSettings) -> Variances:
+    """The variances of a load under each hypothesis."""
     a = reading.arrays
     misfit = np.fmax(1.0, a["misfit"])
-    variance = misfit * (a["std"] ** 2 + (INTERVAL_SETTINGS.missed * a["grease"]) ** 2)
-    variance += (least * a["load"].max(axis=1, keepdims=True)) ** 2
-    return Mixture(HYPOTHESES, *of, a["load"], np.array([np.diag(row) for row in variance]))
+    least = settings.least * a["load"].max(axis=1, keepdims=True) * np.ones_like(a["load"])
+    return Variances(misfit * (settings.scale * a["std"]) ** 2, misfit * (settings.missed * a["grease"]) ** 2, least**2)
 
 
-def band_of(mixture: Mixture, factor: float = 1.0) -> Band:
-    """The mean of a posterior with the quantiles of its mixture, farther from it by a factor."""
-    x = mixture.x
-    low, high = (x + factor * (end - x) for end in mixture.interval(np.eye(x.size)))
-    return Band(x, low, high)
+def band(reading: Stored, settings: IntervalSettings, filtered: float = 0.0) -> Band:
+    """The load with the quantiles of its mixture, moved by a share `filtered` to the joint filter's.
+
+    The points of the grid count as independent numbers: only their own intervals are used.
+    """
+    loads, rows = reading.arrays["load"], sum(variances(reading, settings))
+    mixture = Mixture(HYPOTHESES, *weights(reading, settings.evidence), loads, np.array([np.diag(row) for row in rows]))
+    low, high = mixture.interval(np.eye(mixture.x.size))
+    step = filtered * (1.0 - mixture.of_group("valves")) * (reading.arrays["joint"] - mixture.x)
+    return Band(mixture.x + step, low + step, high + step)
 
 
-def before(reading: Stored) -> Band:
-    """As before: half of the logarithm of the evidence in the covariance, and 1.96 standard deviations."""
-    mixture = posterior(reading, weights(reading, 0.5), least=0.0)
-    half = QUANTILE * np.sqrt(np.diag(mixture.covariance))
-    return Band(mixture.x, mixture.x - half, mixture.x + half)
-
-
-def with_filter(reading: Stored, weight: float = FILTER_WEIGHT) -> Band:
-    """The load of two estimators, with the band of the first."""
-    mixture = posterior(reading, weights(reading))
-    step = weight * (1.0 - mixture.of_group("valves")) * (reading.arrays["joint"] - mixture.x)
-    return band_of(mixture.moved(step))
-
-
-#: Bands as they are used.
-USED_ALONE, USED_WITH_SUPPLY = "and 0.3 of the evidence, as used", "and 0.3 of the joint filter, as used"
+#: Name of the bands as they are used.
+USED = "as used"
 
 #: Error in % of the peak that is bad.
 BAD_ERROR = 2.0
 
-#: Bands that are compared where the supply pressure is recorded.
-WITH_SUPPLY: Mapping[str, Callable[[Stored], Band]] = {
-    "before": before,
-    USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
-    USED_WITH_SUPPLY: with_filter,
-    "  half of it": lambda truck_reading: with_filter(truck_reading, 0.5),
-    "  0.7 of it": lambda truck_reading: with_filter(truck_reading, 0.7),
-}
+
+def compared(used: IntervalSettings, filtered: float) -> dict[str, Callable[[Stored], Band]]:
+    """Bands as they are used, and with one setting changed at a time."""
+    others = {
+        "all of the evidence": used._replace(evidence=1.0),
+        "2 % for grease": used._replace(missed=0.02),
+        "none for grease": used._replace(missed=0.0),
+        "no least": used._replace(least=0.0),
+        **{f"standard deviations x {scale:g}": used._replace(scale=scale) for scale in (1.0, 0.85, 0.7, 0.55)},
+    }
+    bands = {name: partial(band, settings=settings, filtered=filtered) for name, settings in others.items()}
+    shares = {f"{share:g} of the joint filter": partial(band, settings=used, filtered=share) for share in (0.0, 0.5)}
+    return {USED: partial(band, settings=used, filtered=filtered), **bands, **shares}
+
 
 #: Bands that are compared, by what is recorded.
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
-    "position": {
-        "before": before,
-        "quantiles": lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading, 0.5), 0.0)),
-        "and at least 0.3 %": lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading, 0.5))),
-        USED_ALONE: lambda truck_reading: band_of(posterior(truck_reading, weights(truck_reading))),
-        "bootstraps, all evidence": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading))),
-        "  and times 1.1": lambda truck_reading: band_of(posterior(truck_reading, bootstraps(truck_reading)), 1.1),
-        "bootstraps, 0.3 of the evidence": lambda truck_reading: band_of(
-            posterior(truck_reading, bootstraps(truck_reading, INTERVAL_SETTINGS.evidence))
-        ),
-        "0.3, and half of the joint filter": lambda truck_reading: with_filter(truck_reading, 0.5),
-    },
-    "supply": WITH_SUPPLY,
-    "supply and air": WITH_SUPPLY,
+    "position": compared(INTERVAL_SETTINGS, 0.0),
+    "supply": compared(WITH_SUPPLY, FILTER_WEIGHT),
+    "supply and air": compared(WITH_SUPPLY, FILTER_WEIGHT),
 }
 
-#: Bands as they are used, by what is recorded.
-USED = {"position": USED_ALONE, "supply": USED_WITH_SUPPLY, "supply and air": USED_WITH_SUPPLY}
+
+def by_part(readings: Sequence[Stored], settings: IntervalSettings) -> str:
+    """Widths in % of the peak that the parts of the variance would have alone, medians; their squares add up."""
+    rows = []
+    for reading in readings:
+        spread, loads = weights(reading, settings.evidence), reading.arrays["load"]
+        between = (loads - spread.mean @ loads) ** 2
+        parts = [*variances(reading, settings), between]
+        rows.append([np.median(np.sqrt(spread.spread @ part)) / reading.peak for part in parts])
+    widths = 2 * QUANTILE * 100 * np.median(rows, axis=0)
+    return "  ".join(f"{name} {w:4.1f}" for name, w in zip((*Variances._fields, "hypotheses"), widths, strict=True))
 
 
 def rms(values: FloatArray) -> float:
@@ -226,7 +217,7 @@ def line(readings: Sequence[Stored], scores: Sequence[Score]) -> str:
     error = np.std(by_truck, ddof=1) / np.sqrt(len(by_truck)) if len(by_truck) > 1 else np.nan
     pairs = [s.covered for reading, s in zip(readings, scores, strict=True) if reading.case in PAIRS]
     return (
-        f"{table[:, 1].mean():6.1f} ± {error:.1f} %{np.mean(pairs) if pairs else np.nan:7.0f} %"
+        f"{table[:, 1].mean():6.1f} ± {error:.1f}, {min(by_truck):.0f} %{np.mean(pairs) if pairs else np.nan:7.0f} %"
         f"{np.median(table[:, 2]):8.1f}{table[:, 3].mean():8.1f}"
         f"{np.median(table[:, 0]):9.2f} /{table[:, 0].max():6.2f}{area(readings, scores):8.2f}"
     )
@@ -261,15 +252,6 @@ def correlation(readings: Sequence[Stored]) -> float:
     return float(np.corrcoef(np.transpose(errors))[0, 1])
 
 
-def half_loads(readings: Sequence[Stored], band: Callable[[Stored], Band]) -> str:
-    """Error of the position in mm at which the load reaches half its peak, median and worst."""
-    errors = [
-        abs(half_load(GRID, band(reading).load) - half_load(GRID, reading.arrays["truth"])) * 1e3
-        for reading in readings
-    ]
-    return f"{np.median(errors):.3f} / {max(errors):.3f}"
-
-
 def per_supply(readings: Sequence[Stored]) -> str:
     """By how many % the load changes for 1 % of the supply: smallest, median and largest of the readings."""
     shares = []
@@ -283,7 +265,7 @@ def main() -> None:
     """Print a table for each thing that is recorded, and the cases of the bands as before and as used."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("folder", type=Path)
-    options.add_argument("--family", default="A", type=family_name, help="A, B, h:SEED or own")
+    options.add_argument("--family", nargs="+", default=["A"], type=family_name, help="A, B, h:SEED or own")
     options.add_argument("--trucks", type=int, default=24)
     options.add_argument("--seed", type=int, default=0)
     chosen = options.parse_args()
@@ -293,12 +275,12 @@ def main() -> None:
         if not readings:
             continue
         trucks = len({reading.truck for reading in readings})
-        print(f"\nfamily {chosen.family}, {trucks} trucks, recorded: {recorded}")
+        print(f"\nfamily {', '.join(chosen.family)}, {trucks} trucks, recorded: {recorded}")
         print(f"{'':<40}{'covered':>14}{'pairs':>9}{'width':>8}{'score':>8}{'error':>17}{'area':>8}")
         by_band = {name: [score(reading, band(reading)) for reading in readings] for name, band in bands.items()}
         for name, scores in by_band.items():
             print(f"{name:<40}{line(readings, scores)}")
-        used = by_band[USED[recorded]]
+        used = by_band[USED]
         raised = [
             s._replace(expected=s.expected * (1.0 + contested(reading)))
             for reading, s in zip(readings, used, strict=True)
@@ -309,14 +291,13 @@ def main() -> None:
         print(f"  {graded(used)}")
         both += used
         print(f"  correlation of the mean errors of fit and joint filter: {correlation(readings):.2f}")
-        halves = (half_loads(readings, bands[name]) for name in ("before", USED[recorded]))
-        print(f"  half-load position off by {', now '.join(halves)} mm")
         print(f"  1 % of the supply moves the load by {per_supply(readings)} %")
+        settings = INTERVAL_SETTINGS if recorded == "position" else WITH_SUPPLY
         for case in CASES:
             at = [i for i, reading in enumerate(readings) if reading.case == case]
-            for name in ("before", USED[recorded]):
-                print(f"  {case if name == 'before' else '':<22}{name[-8:]:<16}"
-                      f"{line([readings[i] for i in at], [by_band[name][i] for i in at])}")  # fmt: skip
+            if at:
+                own = [readings[i] for i in at]
+                print(f"  {case:<38}{line(own, [used[i] for i in at])}  width by part: {by_part(own, settings)}")
     print(f"\nall readings as used: {graded(both)}\nby expected error: {by_expected_error(both)}")
 
 

@@ -77,12 +77,12 @@ class Read(NamedTuple):
 
 def read(seeds: Sequence[int], out: Path, recorded: str) -> list[Read]:
     """The readings of those hybrids that are stored, with the position alone or with the supply recorded."""
-    before, used = (BANDS[recorded][name] for name in ("before", USED[recorded]))
+    before, used = (BANDS[recorded][name] for name in ("standard deviations x 1", USED))
     return [
         Read(seed, stored, score(stored, before(stored)), score(stored, used(stored)))
         for seed in seeds
         if path_of(seed, out).exists()
-        for stored in of_file(path_of(seed, out), seed, recorded)
+        for stored in of_file(path_of(seed, out), recorded)
     ]
 
 

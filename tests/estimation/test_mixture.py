@@ -1,5 +1,6 @@
 """The posterior over hypotheses of a small linear problem, against normal distributions of its data and sampling."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +11,13 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.hypotheses import (
     ERRORS_REPEAT,
     INTERVAL_SETTINGS,
+    WITH_SUPPLY,
     Explanation,
+    IntervalSettings,
     changes,
     errors_in_x,
     flattened,
+    interval_settings,
     mixture,
     probabilities,
     softmax,
@@ -23,7 +27,7 @@ from clutchid.inference.problem import Problem, with_hypothesis
 from clutchid.inference.uncertainty.calibration import Calibration, PositionOnlyErrors
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES as ALL
 from clutchid.inference.uncertainty.change_prior import change_priors, log_odds, prior_probability
-from clutchid.inference.uncertainty.coordinates import coordinates
+from clutchid.inference.uncertainty.coordinates import Prior, coordinates
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.model import Actuator
 from clutchid.parameters import GROUPS
@@ -158,6 +162,18 @@ def test_a_misfit_widens_what_each_hypothesis_leaves_open_and_a_good_fit_narrows
     inside, between = inside_and_between(problem, worse.x, misfit=2.0)
     np.testing.assert_allclose(worse.covariance, inside + between, atol=1e-9)
     np.testing.assert_allclose(worse.x, as_usual.x, atol=1e-12)
+
+
+def test_a_recorded_supply_narrows_what_the_data_leave_open_under_a_hypothesis(problem):
+    measured = replace(problem, measured={"P_S@w": Prior(9e5, 7e3)})
+    assert interval_settings(measured) == WITH_SUPPLY
+    assert interval_settings(problem) == INTERVAL_SETTINGS
+    explained = explanations(problem)
+    wide, narrow = (mixture(explained, calibration(), settings=s) for s in (IntervalSettings(), WITH_SUPPLY))
+    fixed = mixture(explained, calibration(), settings=IntervalSettings(scale=0.0)).covariances
+    ratio = WITH_SUPPLY.scale**2
+    np.testing.assert_allclose(narrow.covariances, fixed + ratio * (wide.covariances - fixed), atol=1e-12)
+    assert ratio < 1.0
 
 
 def test_a_mean_where_no_actuator_is_admissible_has_a_covariance(problem):

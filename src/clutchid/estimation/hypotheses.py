@@ -28,6 +28,7 @@ from clutchid.inference.uncertainty.coordinates import Coordinate
 from clutchid.inference.uncertainty.gaussian import GaussianPosterior, gaussian_posterior
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
+from clutchid.names import ParameterName
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.least_squares import Solution
 from clutchid.numerics.progress import Progress, within_stage
@@ -189,20 +190,28 @@ class IntervalSettings(NamedTuple):
     `evidence` is the part of the logarithm of the evidence that counts, because a wrong explanation is often as good as
     the right one; `missed` the standard deviation of what the model misses of the load, as a share of it, where the
     viscous friction is larger or smaller by a factor of e; `least` that of the load at any position, as a share of its
-    peak.
+    peak; `scale` multiplies the standard deviations that the data leave under a hypothesis.
     """
 
     evidence: float = 0.3
     missed: float = 0.03
     least: float = 0.003
+    scale: float = 1.0
 
 
-#: As shipped.
+#: As shipped, from position alone and where the supply pressure is recorded.
 INTERVAL_SETTINGS = IntervalSettings()
+WITH_SUPPLY = IntervalSettings(scale=0.7)
+
+
+def interval_settings(problem: Problem) -> IntervalSettings:
+    """Settings of the interval of a load, by whether all of its recordings measure the supply pressure."""
+    measured = all(str(ParameterName("P_S", stem)) in problem.measured for stem in problem.stems)
+    return WITH_SUPPLY if measured else INTERVAL_SETTINGS
 
 
 def mixture(
-    searched: Explanations, calibration: Calibration, misfit: float = 1.0, band: IntervalSettings = INTERVAL_SETTINGS
+    searched: Explanations, calibration: Calibration, misfit: float = 1.0, settings: IntervalSettings | None = None
 ) -> Mixture:
     """Posterior over the hypotheses: mean over those `searched`, spread over all of them.
 
@@ -214,10 +223,11 @@ def mixture(
     misfit : 1
         See `Departure`: where the model misses more than in the calibration recordings, all covariances are as much
         larger.
-    band : IntervalSettings
-        Settings of the interval of the load.
+    settings : IntervalSettings, optional
+        Of the interval of the load; by default by whether the supply pressure is measured.
     """
     best = most_probable(searched, calibration)
+    band = settings or interval_settings(searched[best].result.problem)
     explanations = {hypothesis: searched.get(hypothesis, searched[best]) for hypothesis in HYPOTHESES}
     scores, means, covariances = [], [], []
     for hypothesis, explained in explanations.items():
@@ -230,7 +240,10 @@ def mixture(
         means.append(mean)
         covariances.append(
             np.fmax(1.0, misfit)
-            * (posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift) + np.outer(missed, missed))
+            * (
+                band.scale**2 * (posterior.covariance + ERRORS_REPEAT**2 * np.outer(shift, shift))
+                + np.outer(missed, missed)
+            )
             + np.outer(least, least)
         )
     probability = dict(zip(searched, probabilities(searched, calibration).tolist(), strict=True))
