@@ -19,6 +19,7 @@ from clutchid.estimation.assess.reasons import (
 )
 from clutchid.estimation.assess.verdict import verdict
 from clutchid.estimation.result import Change, Departure, InputFault, Moved
+from clutchid.inference.uncertainty.conditions import Assumption
 from fixtures.baselines import ORIGIN, with_baseline
 
 NEAR = Departure(distance=5.0, expected=15.1, misfit=1.0, moved=(Moved("F_C", 109.0, 185.0), Moved("R_1ve", 0.93, 0.9)))
@@ -74,6 +75,17 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
     assert [f"leak {what}" in reason for reason in judged.reasons for what in ("so much", "too much")] == {
         "good": [], "with care": [True, False], "none": [False, True],
     }[trust]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("probability", "assumed", "trust"), [(0.9, "P_S", "with care"), (0.3, "P_S", "good"), (0.9, "T_0", "good")]
+)
+def test_another_temperature_is_read_with_care_where_the_supply_is_unknown(reading, probability, assumed, trust):
+    change = Change("drive", "D_v", 400.0, 240.0, 20.0, "N·s/m", probability, "temperature and grease")
+    assumption = Assumption(assumed, ("drive",), 9e5, 5e4, False)
+    judged = verdict(replace(reading, changes=(change,), assumed=(assumption,)))
+    assert judged.trust == trust
+    assert ["record the supply pressure" in reason for reason in judged.reasons] == [True] * (trust != "good")
 
 
 @pytest.mark.parametrize(("ratio", "trust"), [(1.4, "good"), (1.6, "with care"), (3.0, "none"), (np.nan, "good")])

@@ -27,6 +27,7 @@ from clutchid.estimation.assess.rest import rest_reasons
 from clutchid.estimation.assess.travel import travel_reasons
 from clutchid.estimation.result import Departure, Fit, InputFault, physical_limits
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.inference.uncertainty.change_prior import TEMPERATURE
 from clutchid.inference.uncertainty.conditions import GAUGE, gauge_sentence, supply_difference
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, in_words
@@ -133,6 +134,12 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
             what = "too much for the load to be read" if too_much else "so much that the load may be wrong"
             text = f"{change.recording}: chamber A or its connections leak {what} ({change.after:.1e} "
             yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): repair the leak and record again.", too_much)
+    warmer = [c for c in fit.changes if c.group == TEMPERATURE and c.probability > 0.5]
+    if warmer and any(assumption.name == "P_S" for assumption in fit.assumed):
+        text = (
+            f"{warmer[0].recording}: its temperature has changed, and a supply pressure that has changed too may look "
+        )
+        yield Reason(f"{text}the same, which made loads of virtual trucks 3 to 6 % wrong: record the supply pressure.")
     if not error <= GOOD_ERROR:
         text = f"the standard deviation of the load is {error:.1f} % of its peak, a good one has at most "
         text += f"{GOOD_ERROR:g} %: the recording does not determine all that may have changed since the calibration. "
