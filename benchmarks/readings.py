@@ -213,10 +213,11 @@ def main() -> None:
     options.add_argument("--family", default="A", type=family_name, help="A, B, h:SEED or own")
     options.add_argument("--trucks", type=int, default=8)
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--case", action="append", choices=CASES, help="default: all")
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     for number in range(chosen.seed, chosen.seed + chosen.trucks):
-        store(file_of(chosen.folder, chosen.family, number), number, chosen.family)
+        store(file_of(chosen.folder, chosen.family, number), number, chosen.family, chosen.case or CASES)
 
 
 if __name__ == "__main__":

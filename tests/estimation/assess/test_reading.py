@@ -78,14 +78,20 @@ def test_the_load_of_an_actuator_that_leaks_much_is_not_good(reading, leak, trus
 
 
 @pytest.mark.parametrize(
-    ("probability", "assumed", "trust"), [(0.9, "P_S", "with care"), (0.3, "P_S", "good"), (0.9, "T_0", "good")]
+    ("probability", "ratio", "assumed", "said"),
+    [
+        (0.9, 0.6, "P_S", "record the supply pressure."),
+        (0.9, 2.0, "T_0", "calibrate near this temperature."),
+        (0.9, 0.8, "P_S", ""),
+        (0.3, 2.0, "P_S", ""),
+    ],
 )
-def test_another_temperature_is_read_with_care_where_the_supply_is_unknown(reading, probability, assumed, trust):
-    change = Change("drive", "D_v", 400.0, 240.0, 20.0, "N·s/m", probability, "temperature and grease")
+def test_grease_of_another_temperature_is_read_with_care(reading, probability, ratio, assumed, said):
+    change = Change("drive", "D_v", 400.0, 400.0 * ratio, 20.0, "N·s/m", probability, "temperature and grease")
     assumption = Assumption(assumed, ("drive",), 9e5, 5e4, False)
     judged = verdict(replace(reading, changes=(change,), assumed=(assumption,)))
-    assert judged.trust == trust
-    assert ["record the supply pressure" in reason for reason in judged.reasons] == [True] * (trust != "good")
+    assert judged.trust == ("with care" if said else "good")
+    assert [said in reason for reason in judged.reasons] == [True] * bool(said)
 
 
 @pytest.mark.parametrize(("ratio", "trust"), [(1.4, "good"), (1.6, "with care"), (3.0, "none"), (np.nan, "good")])

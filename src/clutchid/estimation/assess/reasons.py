@@ -27,7 +27,6 @@ from clutchid.estimation.assess.rest import rest_reasons
 from clutchid.estimation.assess.travel import travel_reasons
 from clutchid.estimation.result import Departure, Fit, InputFault, physical_limits
 from clutchid.inference.uncertainty.calibration import Calibration
-from clutchid.inference.uncertainty.change_prior import TEMPERATURE
 from clutchid.inference.uncertainty.conditions import GAUGE, gauge_sentence, supply_difference
 from clutchid.inference.uncertainty.gaussian import spectrum
 from clutchid.inference.uncertainty.identifiability import collinear, in_words
@@ -117,6 +116,10 @@ MISFIT, POOR_MISFIT = 1.5, 2.2
 #: of what a search admits. Provenance: `benchmarks/pairs.py`, benchmarks/results/changes.md.
 _LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
 
+#: Change of the logarithm of the viscous friction, as by 15 K, beyond which a reading is no good one: all of those that
+#: were more than 2 % wrong had it. Provenance: benchmarks/results/intervals.md.
+_GREASE = 0.3
+
 #: Position in m from which the error counts: before, the load is small.
 FROM = 5e-4
 
@@ -134,12 +137,7 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
             what = "too much for the load to be read" if too_much else "so much that the load may be wrong"
             text = f"{change.recording}: chamber A or its connections leak {what} ({change.after:.1e} "
             yield Reason(f"{text}m³/(Pa·s), more than {_LEAKS:g}): repair the leak and record again.", too_much)
-    warmer = [c for c in fit.changes if c.group == TEMPERATURE and c.probability > 0.5]
-    if warmer and any(assumption.name == "P_S" for assumption in fit.assumed):
-        text = (
-            f"{warmer[0].recording}: its temperature has changed, and a supply pressure that has changed too may look "
-        )
-        yield Reason(f"{text}the same, which made loads of virtual trucks 3 to 6 % wrong: record the supply pressure.")
+    yield from _grease_reasons(fit)
     if not error <= GOOD_ERROR:
         text = f"the standard deviation of the load is {error:.1f} % of its peak, a good one has at most "
         text += f"{GOOD_ERROR:g} %: the recording does not determine all that may have changed since the calibration. "
@@ -147,6 +145,20 @@ def reading_reasons(fit: Fit) -> Iterator[Reason]:
         what = "record longer" if is_recorded else "record the supply pressure or record longer"
         text += f"The interval includes this. To narrow it, {what}, or give what is known with --prior."
         yield Reason(text, error > POOR_ERROR, banded=True)
+
+
+def _grease_reasons(fit: Fit) -> Iterator[Reason]:
+    """Grease of another temperature than at the calibration, which may hide another supply pressure."""
+    if any(assumption.name == "P_S" for assumption in fit.assumed):
+        remedy = "6 % wrong, because another supply pressure may look the same: record the supply pressure."
+    else:
+        remedy = "3 % wrong, which the interval includes: calibrate near this temperature."
+    for change in fit.changes:
+        if change.name == "D_v" and change.probability > 0.5 and change.before > 0.0 < change.after:
+            ratio = change.after / change.before
+            if abs(np.log(ratio)) > _GREASE:
+                text = f"{change.recording}: the grease is {ratio:.2g} times as viscous as at the calibration, as at "
+                yield Reason(f"{text}another temperature. Such loads were up to {remedy}")
 
 
 def departure_reasons(fit: Fit) -> Iterator[Reason]:

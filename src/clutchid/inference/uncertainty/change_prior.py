@@ -25,8 +25,8 @@ ChangeDirection = Mapping[str, float]
 #: Groups that have changed; none of them if nothing has.
 Hypothesis = tuple[str, ...]
 
-#: The group that is a fault and stays until it is mended, and that of the temperature.
-FAULT, TEMPERATURE = "leak", "temperature and grease"
+#: The group that is a fault and stays until it is mended.
+FAULT = "leak"
 
 #: All hypotheses: up to three groups at once. Without supply, temperature and valves together a warm truck with a lower
 #: supply, whose valves then open later, was read 5 % wrong: benchmarks/results/intervals.md, "Three changes".
