@@ -26,8 +26,9 @@ import numpy as np
 from clutchid.documents import document_of, write_page
 from clutchid.documents.fleet_tables import ReplacementRow, VehicleRow
 from clutchid.documents.results import FleetWear
-from clutchid.wear import Interval
-from clutchid.wear.due import MONTHS
+from clutchid.documents.wear_rows import alarm_words
+from clutchid.wear import Alarm, Interval
+from clutchid.wear.due import FORECAST_MONTHS
 
 #: Script that puts the milliseconds to open, sort and search into the title of the page.
 TIMED = """addEventListener("load", () => {
@@ -54,10 +55,10 @@ def vehicles_of(count: int) -> list[VehicleRow]:
             f"truck {k:06d}", f"type {k % 12}", 52, 50, {"ok": 50, "failed": 2}, datetime(2026, 5, 1, tzinfo=UTC),
             Interval(2e-4 * shift, 1.8e-4 * shift, 2.2e-4 * shift), Interval(0.02, -0.01, 0.05),
             Interval(*[float("nan")] * 3), 1e-9 * rate, strokes, "strokes", page=f"vehicles/truck {k:06d}.html",
-            limit=1e-3, left_days=days, left_km=km, within=(share,) * 6, by_month=(share,) * MONTHS,
+            limit=1e-3, left_days=days, left_km=km, within=(share,) * 6, by_month=(share,) * FORECAST_MONTHS,
         )  # fmt: skip
-        alarms = ("the load changed suddenly between r1 and r2 on 2026-04-01",) if k % 100 == 0 else ()
-        rows.append(row._replace(alarms=alarms))
+        events = (Alarm("r1", "r2", row.last, "sudden", 1e-4, 0.05, probability=0.95 + 0.05 * share),) * (k % 100 == 0)
+        rows.append(row._replace(alarms=tuple(map(alarm_words, events)), events=events))
     return rows
 
 
@@ -85,7 +86,9 @@ def main() -> None:
         "| vehicles | written, processor [s] | size [MB] | opened [s] | sorted [s] | searched [s] | rows on the page |"
     )
     for count in map(int, parser.parse_args().vehicles.split(",")):
-        months = [ReplacementRow("", "", month, count / 50, count / 60, count / 40) for month in range(1, MONTHS + 1)]
+        months = [
+            ReplacementRow("", "", month, count / 50, count / 60, count / 40) for month in range(1, FORECAST_MONTHS + 1)
+        ]
         fleet = FleetWear(vehicles_of(count), (), (), months)
         with tempfile.TemporaryDirectory() as name:
             path = Path(name) / "index.html"
