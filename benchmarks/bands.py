@@ -125,7 +125,9 @@ def band(reading: Stored, settings: IntervalSettings, filtered: float = 0.0) -> 
     loads, rows = reading.arrays["load"], sum(variances(reading, settings))
     mixture = Mixture(HYPOTHESES, *weights(reading, settings.evidence), loads, np.array([np.diag(row) for row in rows]))
     low, high = mixture.interval(np.eye(mixture.x.size))
-    step = filtered * (1.0 - mixture.of_group("valves")) * (reading.arrays["joint"] - mixture.x)
+    grease = np.median(weights(reading).mean @ reading.arrays["grease"] / mixture.x) * ("cold" in reading.case)
+    share = filtered * (1.0 - mixture.of_group("valves")) * max(0.0, 1.0 - grease**2)
+    step = share * (reading.arrays["joint"] - mixture.x)
     return Band(mixture.x + step, low + step, high + step)
 
 

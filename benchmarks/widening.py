@@ -64,6 +64,7 @@ CASES: dict[str, tuple[tuple[str, ...], Callable[[Vehicle], Mapping[str, Any]]]]
         if other != "warm"
     },
     "supply and warm": (("supply", "warm"), _as_usual),
+    "60 K colder": (("cold", "cold"), _as_usual),
     "5 K warmer": ((), lambda kind: {"temperature": kind.T_0 + 5.0}),
     "100 Hz bus log": ((), lambda _: {"recorder": "bus"}),
     LATE: ((), _as_usual),

@@ -26,19 +26,29 @@ def with_filtered_load(
 ) -> Mixture:
     """`posterior` with its load moved towards that of the joint filter, if each recording has a supply pressure.
 
-    The band stays that of the posterior: a mean of two estimators has no larger error than the worse one.
+    The band stays that of the posterior: a mean of two estimators has no larger error than the worse one. Where the
+    grease is colder the filter takes for load what `D_v` at its bound cannot explain: it has no weight from a factor of
+    e on.
     """
     weights = [filtered_weights(log, actuator, calibration) for log in logs]
     filtered_logs = [of_log for of_log in weights if of_log is not None]
     if len(filtered_logs) < len(weights):
         return posterior
     filtered = dict(zip(actuator.load.names, np.mean(filtered_logs, axis=0).tolist(), strict=True))
-    x, share = posterior.x, FILTER_WEIGHT * (1.0 - posterior.of_group("valves"))
+    x = posterior.x
+    share = FILTER_WEIGHT * (1.0 - posterior.of_group("valves")) * max(0.0, 1.0 - _colder(problem, x) ** 2)
     step = [
         c.of(filtered[c.base]) - value if c.base in filtered else 0.0
         for c, value in zip(problem.coordinates, x.tolist(), strict=True)
     ]
     return posterior.moved(share * np.array(step))
+
+
+def _colder(problem: Problem, x: FloatArray) -> float:
+    """Logarithm of the largest viscous friction over the calibrated one, 0 where none is larger."""
+    before = problem.actuator.value("D_v")
+    values = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
+    return float(np.log(max([before, *values]) / before)) if before > 0.0 else 0.0
 
 
 def filtered_weights(log: Log, actuator: Actuator, calibration: Calibration) -> FloatArray | None:
