@@ -27,6 +27,7 @@ from clutchid.inference.uncertainty.change_prior import HYPOTHESES
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray
 from clutchid.numerics.interval import QUANTILE
+from clutchid.observer.mismatch import MISMATCHED
 
 #: Bootstraps of the blocks.
 BOOTSTRAPS = 100
@@ -125,8 +126,8 @@ def band(reading: Stored, settings: IntervalSettings, filtered: float = 0.0) -> 
     loads, rows = reading.arrays["load"], sum(variances(reading, settings))
     mixture = Mixture(HYPOTHESES, *weights(reading, settings.evidence), loads, np.array([np.diag(row) for row in rows]))
     low, high = mixture.interval(np.eye(mixture.x.size))
-    grease = np.median(weights(reading).mean @ reading.arrays["grease"] / mixture.x) * ("cold" in reading.case)
-    share = filtered * (1.0 - mixture.of_group("valves")) * max(0.0, 1.0 - grease**2)
+    trusted = reading.arrays.get("mismatch", 0.0) <= MISMATCHED
+    share = filtered * (1.0 - mixture.of_group("valves")) * trusted
     step = share * (reading.arrays["joint"] - mixture.x)
     return Band(mixture.x + step, low + step, high + step)
 

@@ -12,7 +12,7 @@ has no arrays.
 The arrays, with the h hypotheses in the order of `HYPOTHESES`, at the points of `GRID`: `truth` (points,) in N;
 `searched`, `score` and `odds` (h,); `load` (h, points) and its standard deviations `std` and, for a share of 1 of the
 load where the grease differs by a factor of e, `grease`; `costs` (h, blocks); `per_supply` (h, points), the derivative
-of the load by the logarithm of the supply pressure; `misfit`; the load of each observer.
+of the load by the logarithm of the supply pressure; `misfit`; the load of the observer, and its `mismatch`.
 """
 
 from __future__ import annotations
@@ -185,9 +185,10 @@ def to_load(explanations: Explanations, x: FloatArray) -> FloatArray:
 
 
 def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str, FloatArray]:
-    """The load that the observer has at the end of a recording, by its method."""
+    """The load of the observer at the end of a recording, by its method, and the `mismatch` of its innovations."""
     follower = observer(actuator, calibration=calibration)
-    return {follower.method: follower.load(observe_recording(follower, log).after).force(GRID)}
+    after = observe_recording(follower, log).after
+    return {follower.method: follower.load(after).force(GRID), "mismatch": np.array(after.mismatch)}
 
 
 def store(

@@ -73,18 +73,11 @@ def test_the_load_moves_half_way_to_it_as_far_as_the_valves_have_not_changed(
     np.testing.assert_allclose(after.covariance, before.covariance)
 
 
-@pytest.mark.parametrize(("logarithm", "share"), [(0.5, 0.75), (1.4, 0.0), (-0.5, 1.0)])
-def test_colder_grease_takes_its_weight_from_the_filter_and_warmer_grease_does_not(
-    problem, filtered, recorded, calibrated, calibrated_load, logarithm, share
-):
-    before, k = posterior(problem), len(problem.coordinates)
-    grease = [c.base for c in problem.coordinates].index("D_v")
-    x = np.zeros(k)
-    x[grease] = problem.coordinates[grease].of(problem.actuator.value("D_v") * np.exp(logarithm))
-    after = with_filtered_load(before.moved(x), problem, [recorded], calibrated.actuator, calibrated_load)
-    loads = [i for i, c in enumerate(problem.coordinates) if c.base in calibrated.actuator.load.names]
-    moved = (problem.si(after.x) - problem.si(x))[loads]
-    assert moved == pytest.approx(FILTER_WEIGHT * share * (filtered - problem.si(x)[loads]), rel=1e-3, abs=1e-6)
+def test_an_observer_without_trust_in_its_load_has_none(recorded, calibrated, calibrated_load):
+    # innovations are compared with those of the calibration
+    for nis, is_used in ((calibrated_load.nis, True), (0.1 * calibrated_load.nis, False)):
+        weights = filtered_weights(recorded, calibrated.actuator, replace(calibrated_load, nis=nis))
+        assert (weights is not None) == is_used
 
 
 def test_without_a_supply_pressure_that_can_be_used_there_is_none(

@@ -26,17 +26,14 @@ def with_filtered_load(
 ) -> Mixture:
     """`posterior` with its load moved towards that of the joint filter, if each recording has a supply pressure.
 
-    The band stays that of the posterior: a mean of two estimators has no larger error than the worse one. Where the
-    grease is colder the filter takes for load what `D_v` at its bound cannot explain: it has no weight from a factor of
-    e on.
+    The band stays that of the posterior: a mean of two estimators has no larger error than the worse one.
     """
     weights = [filtered_weights(log, actuator, calibration) for log in logs]
     filtered_logs = [of_log for of_log in weights if of_log is not None]
     if len(filtered_logs) < len(weights):
         return posterior
     filtered = dict(zip(actuator.load.names, np.mean(filtered_logs, axis=0).tolist(), strict=True))
-    x = posterior.x
-    share = FILTER_WEIGHT * (1.0 - posterior.of_group("valves")) * max(0.0, 1.0 - _colder(problem, x) ** 2)
+    x, share = posterior.x, FILTER_WEIGHT * (1.0 - posterior.of_group("valves"))
     step = [
         c.of(filtered[c.base]) - value if c.base in filtered else 0.0
         for c, value in zip(problem.coordinates, x.tolist(), strict=True)
@@ -44,27 +41,24 @@ def with_filtered_load(
     return posterior.moved(share * np.array(step))
 
 
-def _colder(problem: Problem, x: FloatArray) -> float:
-    """Logarithm of the largest viscous friction over the calibrated one, 0 where none is larger."""
-    before = problem.actuator.value("D_v")
-    values = [c.si(value) for c, value in zip(problem.coordinates, x.tolist(), strict=True) if c.base == "D_v"]
-    return float(np.log(max([before, *values]) / before)) if before > 0.0 else 0.0
-
-
 def filtered_weights(log: Log, actuator: Actuator, calibration: Calibration) -> FloatArray | None:
     """Load weights in their unit after the joint filter has followed a recording from a calibration.
 
-    None where the supply pressure is not used, or the recording is too slow for an observer.
+    None where the supply pressure is not used, the recording is too slow for an observer, or the innovations are those
+    of an observer that has no trust in its load, as in the cold, where it takes for load what `D_v` at its bound cannot
+    explain.
     """
     if "pressure_supply" not in log:
         return None
     from clutchid.observer import observe_recording, observer  # on use: most readings do without an observer
+    from clutchid.observer.mismatch import MISMATCHED
 
     try:
         run = observe_recording(observer(actuator, calibration=calibration, zero="keep"), log)
     except DataError:
         return None
-    return None if run.assumes_supply else np.array(run.observer.load(run.after).theta)
+    refused = run.assumes_supply or run.after.mismatch > MISMATCHED
+    return None if refused else np.array(run.observer.load(run.after).theta)
 
 
 def load_per_supply(problem: Problem, posterior: Mixture | None) -> float | None:
