@@ -153,11 +153,15 @@ def compared(used: IntervalSettings, filtered: float) -> dict[str, Callable[[Sto
     return {USED: partial(band, settings=used, filtered=filtered), **bands, **shares}
 
 
+#: Settings and share of the joint filter as they are used, by what is recorded.
+SETTINGS = {
+    "position": (INTERVAL_SETTINGS, 0.0), "supply": (WITH_SUPPLY, FILTER_WEIGHT),
+    "supply and air": (WITH_SUPPLY, FILTER_WEIGHT),
+}  # fmt: skip
+
 #: Bands that are compared, by what is recorded.
 BANDS: Mapping[str, Mapping[str, Callable[[Stored], Band]]] = {
-    "position": compared(INTERVAL_SETTINGS, 0.0),
-    "supply": compared(WITH_SUPPLY, FILTER_WEIGHT),
-    "supply and air": compared(WITH_SUPPLY, FILTER_WEIGHT),
+    recorded: compared(*used) for recorded, used in SETTINGS.items()
 }
 
 
@@ -295,7 +299,7 @@ def main() -> None:
         both += used
         print(f"  correlation of the mean errors of fit and joint filter: {correlation(readings):.2f}")
         print(f"  1 % of the supply moves the load by {per_supply(readings)} %")
-        settings = INTERVAL_SETTINGS if recorded == "position" else WITH_SUPPLY
+        settings, _ = SETTINGS[recorded]
         for case in CASES:
             at = [i for i, reading in enumerate(readings) if reading.case == case]
             if at:

@@ -77,7 +77,7 @@ FACTORS: dict[str, dict[str, float]] = {
 }  # fmt: skip
 
 #: Places of the states: motion; mass and pressure of both chambers; liner; supply and its feed; pilots, lifts and
-#: whether the poppets were told to open; friction of seals and load, lagged speed; sensors.
+#: whether the poppets are to open; friction of seals and load, lagged speed; sensors.
 Y, V, M_A, P_A, M_B, P_B, T_W, P_V, W_R, QS, QE, XS, XE, OS, OE, F_D, F_L, V_L, S_Y, S_P = range(20)
 
 
