@@ -4,6 +4,7 @@ Every truck is calibrated once with pressure and the supply pressure recorded, i
 the ambient temperature as well, ``DIR/A_00000_air.toml``. Its worn clutch is read under the cases of `widening.py` from
 position alone, with the supply pressure recorded and without, and with both recorded, and followed by observers.
 Families: A, B, a hybrid h:SEED, and own, the plant of `own_plant.py`, which shares no part with the package.
+``--variant`` calibrates and reads without what an earlier round added, as `mass.py` does.
 
 ``DIR/A_00000.npz`` has every reading as plain arrays named CASE/RECORDED/ARRAY, from which `bands.py` computes any band
 without a fit. What is there is not made again, so that a run can be stopped. A reading that is refused is printed and
@@ -20,12 +21,14 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from widening import LATE, OWN, calibrated, worn_clutch
+from mass import FIXED, drifting
+from widening import LATE, NO_PRIORS, OWN, calibrated, worn_clutch
 
 from clutchid.errors import ClutchidError, ParameterError, SolveError
 from clutchid.estimation.departure import relative_misfit
@@ -45,6 +48,7 @@ from clutchid.inference.smoother.residuals import BLOCKS
 from clutchid.inference.smoother.rows import link_costs
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES, log_odds
+from clutchid.inference.uncertainty.coordinates import Prior
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.numerics.failure import Failure
@@ -67,6 +71,9 @@ LACKING: dict[str, tuple[str, ...]] = {
 #: What is recorded where the ambient temperature is not.
 WITHOUT_AIR = ("position", "supply")
 
+#: What a calibration and its readings do without.
+VARIANTS = ("mass of Appendix A", "friction near rest fixed")
+
 #: A posterior without what is added to it, and with a grease that is missed by the whole load.
 PLAIN, GREASE = IntervalSettings(missed=0.0, least=0.0), IntervalSettings(missed=1.0, least=0.0)
 
@@ -86,23 +93,27 @@ def file_of(folder: Path, family: str, number: int) -> Path:
     return folder / f"{family_label(family).removesuffix('_')}_{number:05d}.npz"
 
 
-def calibration_of(number: int, family: str, path: Path, recorded: str = "supply") -> ParameterFile:
+def calibration_of(
+    number: int, family: str, path: Path, recorded: str = "supply", priors: Mapping[str, Prior] = NO_PRIORS
+) -> ParameterFile:
     """The calibration of a truck, from its file if it has one."""
     if not path.exists():
-        once = calibrated(number, family, LACKING[recorded], "shooting")
+        once = calibrated(number, family, LACKING[recorded], "shooting", priors)
         write_parameters(contents_of_fit(once, once.verdict.trust), path)
     return read_parameters(path)
 
 
 def one_truck(
-    number: int, family: str, path: Path, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING)
-) -> dict[str, Any]:
+    number: int, family: str, path: Path, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING),
+    variant: str = "",
+) -> dict[str, Any]:  # fmt: skip
     """Readings of a truck under some cases, with the calibration in a file, and another beside it for recorded air."""
+    priors = {"M": Prior(10.0, 1e-3)} if variant == "mass of Appendix A" else NO_PRIORS
     calibrations = {}
     for recorded in columns:
         # a calibration knows the air that its recording had, so that a reading without needs its own
         own, of = (path, "supply") if recorded in WITHOUT_AIR else (path.with_stem(f"{path.stem}_air"), recorded)
-        calibrations[recorded] = calibration_of(number, family, own, of)
+        calibrations[recorded] = calibration_of(number, family, own, of, priors)
     arrays_of_truck: dict[str, Any] = {}
     for case in cases:
         worn = worn_clutch(number, family, case)
@@ -192,14 +203,16 @@ def observed(log: Log, actuator: Actuator, calibration: Calibration) -> dict[str
 
 
 def store(
-    path: Path, number: int, family: str, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING)
-) -> None:
+    path: Path, number: int, family: str, cases: Sequence[str] = CASES, columns: Sequence[str] = tuple(LACKING),
+    variant: str = "",
+) -> None:  # fmt: skip
     """Read a truck that has no file yet."""
     if path.exists():
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    arrays = one_truck(number, family, path.with_suffix(".toml"), cases, columns)
+    with drifting(FIXED) if variant == "friction near rest fixed" else nullcontext():
+        arrays = one_truck(number, family, path.with_suffix(".toml"), cases, columns, variant)
     part = path.with_suffix(".part")
     with part.open("wb") as file:
         np.savez_compressed(file, **arrays)
@@ -215,10 +228,13 @@ def main() -> None:
     options.add_argument("--trucks", type=int, default=8)
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--case", action="append", choices=(*CASES, "60 K colder"), help="default: all but the last")
+    options.add_argument("--recorded", action="append", choices=tuple(LACKING), help="default: all")
+    options.add_argument("--variant", default="", choices=VARIANTS, help="default: as shipped")
     chosen = options.parse_args()
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"), "1")
     for number in range(chosen.seed, chosen.seed + chosen.trucks):
-        store(file_of(chosen.folder, chosen.family, number), number, chosen.family, chosen.case or CASES)
+        path = file_of(chosen.folder, chosen.family, number)
+        store(path, number, chosen.family, chosen.case or CASES, chosen.recorded or tuple(LACKING), chosen.variant)
 
 
 if __name__ == "__main__":

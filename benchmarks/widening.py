@@ -134,14 +134,21 @@ def one_truck(number: int, family: str, cases: Sequence[str], remedies: Sequence
     return rows
 
 
-def calibrated(number: int, family: str, without: Sequence[str], method: MethodName) -> Fit:
+#: Priors of a calibration: the defaults.
+NO_PRIORS: Mapping[str, Prior] = {}
+
+
+def calibrated(
+    number: int, family: str, without: Sequence[str], method: MethodName, priors: Mapping[str, Prior] = NO_PRIORS
+) -> Fit:
     """A calibration of a truck from a recording without some columns."""
     seed, name = seeds(number)[0], "calibration"
     if family == OWN:
         log = own_drive(number, seed, name=name).log
     else:
         log = drive(truck(number, family), seconds=SECONDS, seed=seed, name=name, conditions=True).log
-    return fit(log.without(*without), measure=("position", "pressure_a"), free=("auto",), method=method)
+    request = FitRequest(("position", "pressure_a"), ("auto",), method=method, priors=priors)
+    return fit(log.without(*without), request=request)
 
 
 def worn_clutch(

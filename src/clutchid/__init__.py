@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from clutchid.estimation import Fit as Fit
     from clutchid.estimation.assess.verdict import Verdict as Verdict
     from clutchid.estimation.assess.verdict import verdict as verdict
+    from clutchid.estimation.fit_problem import FitProblem as FitProblem
     from clutchid.estimation.parameter_file import read_parameters as read_parameters
     from clutchid.estimation.parameter_file import write_parameters as write_parameters
     from clutchid.estimation.request import FitRequest as FitRequest
@@ -56,6 +57,7 @@ if TYPE_CHECKING:
     from clutchid.verbs.fitting import calibrate as calibrate
     from clutchid.verbs.fitting import estimate as estimate
     from clutchid.verbs.fitting import fit as fit
+    from clutchid.verbs.fitting import problem as problem
     from clutchid.verbs.observing import observe as observe
     from clutchid.verbs.rig import friction as friction
     from clutchid.verbs.saving import parameter_file as parameter_file
@@ -67,6 +69,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "errors": ("ClutchidError", "DataError", "ExportError", "MissingExtra", "ParameterError", "SolveError"),
     "estimation": ("Fit",),
     "estimation.assess.verdict": ("Verdict", "verdict"),
+    "estimation.fit_problem": ("FitProblem",),
     "estimation.request": ("FitRequest",),
     "estimation.parameter_file": ("read_parameters", "write_parameters"),
     "verbs.tracking": ("track",),
@@ -87,7 +90,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "verbs.attached": ("plot", "report"),
     "verbs.cutting": ("cut",),
     "verbs.exporting": ("export",),
-    "verbs.fitting": ("calibrate", "estimate", "fit"),
+    "verbs.fitting": ("calibrate", "estimate", "fit", "problem"),
     "verbs.observing": ("observe",),
     "verbs.rig": ("friction",),
     "verbs.saving": ("parameter_file",),

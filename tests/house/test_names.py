@@ -18,7 +18,7 @@ INTERFACES = {
     "a program": ("app", "main"),
     "a command on saved loads, and the comparison of samples": ("compare",),
     "a format of files": ("open_file", "save"),
-    "a method of a fit": ("evaluated", "problem_of", "result", "search"),
+    "a method of a fit": ("evaluated", "problem_of", "result", "rows", "search", "start_values"),
     "processes of one machine or of a cluster": ("results",),
     "rows of a document": ("rows_of",),
     "a law of the model, and that of the virtual truck, which may not know it": (

@@ -58,11 +58,9 @@ def fit_with(
         As `clutchid.fit`.
     """
     report_stage(progress, "preparation")
-    actuator, free = free_parameters(logs, actuator, request)
+    actuator, free, request = prepared(logs, actuator, request)
     if not method.priors:
         return fit_at(method, method.search(logs, actuator, free, None, progress))
-    if request.continues and request.continues.applies(free.names, free.measure, _data_of(logs)):
-        request, free = continued(request, request.continues, free)
     request = replace(request, profile=actuator.expanded(request.profile))
     _check_size(logs, free)
     _check_profiled(request, free)
@@ -79,6 +77,22 @@ def fit_with(
     if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
         return _as_reading(result, search_result.problem, logs, free)
     return _with_calibration(method, result, logs, actuator, conditions, progress)
+
+
+def prepared(
+    logs: Sequence[Log], actuator: Actuator, request: FitRequest
+) -> tuple[Actuator, FreeParameters, FitRequest]:
+    """The actuator to start from, the free parameters, and the request, which may continue an earlier search.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `clutchid.fit`.
+    """
+    actuator, free = free_parameters(logs, actuator, request)
+    if request.continues and request.continues.applies(free.names, free.measure, _data_of(logs)):
+        request, free = continued(request, request.continues, free)
+    return actuator, free, request
 
 
 def _with_calibration(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from clutchid.errors import DataError, ParameterError
 from clutchid.estimation.assess.verdict import nothing_in_common
@@ -59,39 +59,28 @@ def fit_request(
     DataError, ParameterError
         As `fit`; also where recordings read one by one are of two vehicles, for which a search of all has no end.
     """
-    request = request.completed()
-    start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
-    keeps_ambient = not request.automatic and "P_0" not in map(base_of, request.free)
-    start, said = with_ambient(start, logs) if keeps_ambient and request.calibration is None else (start, ())
-    ready, apart = (
-        with_usable_samples(with_duty_cycles(several, start.equipment), start) for several in (logs, verify)
-    )
-    rested, checked = (
-        [from_rest(log, request.counted_from, request.zero) for log in without_zeros(several)]
-        for several in (ready, apart)
-    )
-    recordings, others = ([zeroed.log for zeroed in several] for several in (rested, checked))
-    check_recordings(recordings, others, request.measure, start.parameters.y_max)
-    method = method_of(request, recordings, start, methods)
-    readings = {}
+    recordings = ready(logs, actuator, request, verify, methods)
+    request, start, method = recordings.request, recordings.start, recordings.method
+    rested, checked = recordings.rested, recordings.checked
+    others, readings = [zeroed.log for zeroed in checked], {}
     from_position = request.calibration and request.calibration.theta and request.measure == ("position",)
-    if len(recordings) > 1 and from_position and free_parameters(recordings, start, request)[1].reads_load(start):
-        readings = _one_by_one(ready, start, request, progress, methods)
+    if len(rested) > 1 and from_position and free_parameters(recordings.logs, start, request)[1].reads_load(start):
+        readings = _one_by_one(recordings.usable, start, request, progress, methods)
         DataError.raise_for(filter(None, [nothing_in_common(readings)]))
-    result = fit_with(method, [with_inputs(log) for log in recordings], start, request, progress)
+    result = fit_with(method, [with_inputs(log) for log in recordings.logs], start, request, progress)
     if result.status == "failed":
         return result
-    if seek_causes and len(recordings) == 1 and result.departure is not None and request.calibration is not None:
+    if seek_causes and len(rested) == 1 and result.departure is not None and request.calibration is not None:
 
         def read(log: Log) -> Fit:
             within = within_stage(progress, "causes")
             return fit_request([log], start, request, (), within, methods, seek_causes=False)
 
         report_stage(progress, "causes")
-        result = with_causes(result, recordings[0], start, request.calibration, read)
+        result = with_causes(result, recordings.logs[0], start, request.calibration, read)
     calibrated = result.baseline is not None and len(result.baseline.theta) > 0 and result.load_is_fitted
-    if len(recordings) > 1 and calibrated and not readings:
-        readings = _one_by_one(ready, start, request, progress, methods)
+    if len(rested) > 1 and calibrated and not readings:
+        readings = _one_by_one(recordings.usable, start, request, progress, methods)
     report_stage(progress, "verification")
     simulated, problems = verification(result.actuator, others, request.partition, request.measure, result.follows)
     return replace(
@@ -99,9 +88,62 @@ def fit_request(
         recordings=_with_rests(result.recordings, rested),
         verification=_with_rests(simulated, checked),
         readings=readings,
-        notes=(*result.notes, *said),
+        notes=(*result.notes, *recordings.said),
+        request=request,
+        start=start,
         warnings=(*result.warnings, *(f"verification: {problem}" for problem in problems)),
     )
+
+
+class Ready(NamedTuple):
+    """Recordings made ready for a fit: the completed request, its start and method, and what was said on the way.
+
+    `usable` are the recordings with their duty cycles, `rested` and `checked` (those of the verification) these with
+    their positions counted from the vented rest.
+    """
+
+    request: FitRequest
+    start: Actuator
+    method: Method
+    usable: Sequence[Log]
+    rested: Sequence[ZeroedLog]
+    checked: Sequence[ZeroedLog]
+    said: Sequence[str]
+
+    @property
+    def logs(self) -> list[Log]:
+        """The recordings of the fit."""
+        return [zeroed.log for zeroed in self.rested]
+
+
+def ready(
+    logs: Sequence[Log],
+    actuator: Actuator | None,
+    request: FitRequest,
+    verify: Sequence[Log] = (),
+    methods: Mapping[str, Method] = FIT_METHODS,
+) -> Ready:
+    """Recordings made ready for a fit, by its method.
+
+    Raises
+    ------
+    DataError, ParameterError
+        As `fit`.
+    """
+    request = request.completed()
+    start = actuator or Actuator(model=AUTOMATIC if request.automatic else "isothermal")
+    keeps_ambient = not request.automatic and "P_0" not in map(base_of, request.free)
+    start, said = with_ambient(start, logs) if keeps_ambient and request.calibration is None else (start, ())
+    usable, apart = (
+        with_usable_samples(with_duty_cycles(several, start.equipment), start) for several in (logs, verify)
+    )
+    rested, checked = (
+        [from_rest(log, request.counted_from, request.zero) for log in without_zeros(several)]
+        for several in (usable, apart)
+    )
+    recordings, others = ([zeroed.log for zeroed in several] for several in (rested, checked))
+    check_recordings(recordings, others, request.measure, start.parameters.y_max)
+    return Ready(request, start, method_of(request, recordings, start, methods), usable, rested, checked, said)
 
 
 def _with_rests(recordings: Mapping[str, Recording], rested: Sequence[ZeroedLog]) -> dict[str, Recording]:

@@ -70,6 +70,19 @@ class MethodResult(NamedTuple):
     notes: Sequence[str] = ()
 
 
+class ResidualRows(NamedTuple):
+    """The cost at parameters x (k,) as rows ``[J | r]``, in standard deviations, those of the prior apart.
+
+    ``J' r`` of all rows is the gradient of `cost`, half the sum of all losses; it is half of ``r' r`` but for outliers.
+    `scales` (m,) are the standard deviations of the rows of the data in SI, where these are samples.
+    """
+
+    prior: FloatArray
+    data: FloatArray
+    cost: float
+    scales: FloatArray | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class ChangeFunctions:
     """Functions with which a method weighs hypotheses about changes, at solutions of its search.
@@ -89,7 +102,8 @@ class Method:
     `problem` has the free parameters and the prepared recordings; the function in it finds the phase of a carrier, that
     of the method where it is None. `search` is all that iterates: it ends in ``evaluated(problem, x, X)``, which makes
     the rows of the cost at parameters x and window starts X, and `result` is a function of these rows. A result can
-    therefore be repeated from x and X alone.
+    therefore be repeated from x and X alone. `rows` has them at any x for other tools, as a function of x alone: from
+    the window starts, or with the gains, of a point that `evaluated` made. `start` has x and X of the start values.
 
     `priors`: priors, parameters of single recordings, 'auto' and calibrations. `check` adds profile likelihood and a
     bootstrap to a result. Without `changes` a load from position alone is read as if nothing had changed. `partition`
@@ -100,6 +114,8 @@ class Method:
     problem: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, FindPhase | None], Problem]
     search: Callable[[Sequence[Log], Actuator, FreeParameters, Calibration | None, Progress | None], SearchResult]
     evaluated: Callable[[Problem, FloatArray, Sequence[FloatArray]], Any]
+    rows: Callable[[Problem, FloatArray, Any], ResidualRows | Failure]
+    start: Callable[[Problem, FreeParameters], tuple[FloatArray, tuple[FloatArray, ...]] | Failure]
     result: Callable[[Problem, Solution[Any], Calibration | None, Mixture | None], MethodResult | Failure]
     priors: bool = True
     check: Callable[[Fit, SearchResult, Calibration | None, Sequence[str], int], Fit] | None = None

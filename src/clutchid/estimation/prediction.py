@@ -31,7 +31,9 @@ class Prediction:
         return Linearisation(factor[:k, :k], factor[:k, k], 0.5 * self.cost, int(count))
 
 
-def predict_errors(problem: Problem, x: FloatArray, fixed_gains: Prediction | None = None) -> Prediction | Failure:
+def predict_errors(
+    problem: Problem, x: FloatArray, fixed_gains: Prediction | None = None, *, compressed: bool = True
+) -> Prediction | Failure:
     """Standardised prediction errors at the free parameters `x`, with their derivatives.
 
     The gains of the filter are fixed in the derivatives, as in pseudo-linear regression.
@@ -44,6 +46,8 @@ def predict_errors(problem: Problem, x: FloatArray, fixed_gains: Prediction | No
         Free parameters as coordinates, see `clutchid.inference.uncertainty.coordinates`.
     fixed_gains : Prediction, optional
         Use its gains and variances: the errors are then a smooth function of x with these derivatives.
+    compressed : bool
+        Whether the rows are compressed.
 
     Returns
     -------
@@ -57,7 +61,8 @@ def predict_errors(problem: Problem, x: FloatArray, fixed_gains: Prediction | No
     segments = []
     for number, track in enumerate(problem.tracks):
         gains = fixed_gains.segments[number].gains if fixed_gains else None
-        segment = filtered(track, parameter_maps[problem.stems[track.log]], problem.measure, problem.noise, gains)
+        mapped = parameter_maps[problem.stems[track.log]]
+        segment = filtered(track, mapped, problem.measure, problem.noise, gains, compressed=compressed)
         if isinstance(segment, Failure):
             return segment
         segments.append(segment)

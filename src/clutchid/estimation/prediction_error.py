@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clutchid.estimation.method import Method, MethodResult, SearchResult
+from clutchid.estimation.method import Method, MethodResult, ResidualRows, SearchResult
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.posterior import Posterior, consider_shift, considering
 from clutchid.estimation.prediction import FilterSolution, Prediction, innovation_scales, innovations, predict_errors
@@ -156,6 +156,15 @@ def evaluated(problem: Problem, x: FloatArray, _: Sequence[FloatArray] = ()) -> 
     return predict_errors(problem, x)
 
 
+def rows(problem: Problem, x: FloatArray, near: Prediction) -> ResidualRows | Failure:
+    """The standardised prediction errors of all samples at x, with gains and variances of the filter at `near`."""
+    at = predict_errors(problem, x, near, compressed=False)
+    if isinstance(at, Failure):
+        return at
+    data, scales = np.vstack([segment.rows for segment in at.segments]), [s.deviations for s in at.segments]
+    return ResidualRows(at.prior, data, 0.5 * at.cost, np.concatenate(scales))
+
+
 def search(
     problem: Problem, x: FloatArray, rounds: int, progress: Progress | None = None, before: int = 0
 ) -> FilterSolution | Failure:
@@ -223,6 +232,8 @@ PREDICTION_ERROR = Method(
     problem_of,
     predict,
     evaluated,
+    rows,
+    lambda problem, free: (start_point(problem, free), ()),
     result,
     partition="a Kalman filter is corrected at every sample",
 )

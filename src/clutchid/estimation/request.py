@@ -25,7 +25,13 @@ _DEFAULT_RANGE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class SearchStart:
-    """Start of a search that continues an earlier one: values of parameters and noise scales of columns, in SI."""
+    """Start of a search that continues an earlier one.
+
+    Attributes
+    ----------
+    values, scales : SI
+        Of its parameters, and of the noise of its columns.
+    """
 
     values: Mapping[str, float]
     scales: Mapping[str, float]
@@ -33,10 +39,22 @@ class SearchStart:
 
 @dataclass(frozen=True, slots=True)
 class FreeParameters:
-    """Free parameters (NAME or NAME@STEM), measured columns in use, bounds and priors in SI, and start of the search.
+    """Free parameters of a search.
 
-    By default a search starts at the means of the priors. `conditions` are values of T_0 and P_S that the user knows;
-    `partition` is that of a simulation, ballistic by default.
+    Attributes
+    ----------
+    names
+        NAME or NAME@STEM.
+    measure
+        Measured columns in use.
+    bounds, priors : SI
+        Those that were requested or follow from a calibration, by name.
+    start
+        Of the search; by default it is at the means of the priors.
+    conditions : SI
+        Values of T_0 and P_S that the user knows.
+    partition
+        Of a simulation; ballistic by default.
     """
 
     names: tuple[str, ...]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from clutchid.errors import SolveError
-from clutchid.estimation.request import SearchState
+from clutchid.estimation.request import FitRequest, SearchState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
@@ -237,6 +237,8 @@ class Fit:
         first.
     alternatives
         Readings without a suspected fault of the inputs, by its name.
+    request, start
+        The completed request, and the actuator that the search started from; None where it did not begin.
 
     Examples
     --------
@@ -281,6 +283,8 @@ class Fit:
     starts: tuple[Start, ...] = ()
     causes: tuple[InputFault, ...] = ()
     alternatives: Mapping[str, Fit] = field(default_factory=dict)
+    request: FitRequest | None = None
+    start: Actuator | None = None
 
     __reduce__ = made_anew
 
@@ -298,6 +302,9 @@ class Fit:
 
         @property
         def comparison(self) -> Any: ...
+
+        @property
+        def problem(self) -> Any: ...
 
         def plot(self) -> Figure: ...
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from clutchid.estimation.checks import with_checked_intervals
 from clutchid.estimation.departure import misfit
-from clutchid.estimation.method import ChangeFunctions, Method, MethodResult, SearchResult
+from clutchid.estimation.method import ChangeFunctions, Method, MethodResult, ResidualRows, SearchResult
 from clutchid.estimation.phase import phase_finder
 from clutchid.estimation.posterior import Posterior, parameter_uncertainty, pressure_deviations
 from clutchid.estimation.problem import fit_problem, start_point
 from clutchid.estimation.request import FreeParameters
 from clutchid.estimation.result import Compared, compare_states, position_and_pressure
 from clutchid.inference.problem import Problem
-from clutchid.inference.smoother.problem import linearise
+from clutchid.inference.smoother.problem import LinearisedProblem, data_factor, linearise
 from clutchid.inference.smoother.residuals import noise_scales, sensor_outputs, trajectory
 from clutchid.inference.smoother.search import (
     FINE_STAGE,
@@ -108,10 +108,10 @@ def shoot(
         As `clutchid.fit`.
     """
     problem = problem_of(logs, actuator, free, calibration)
-    X = _states(problem, [plan.actuator for plan in problem.plans])
-    if isinstance(X, Failure):
-        return SearchResult(problem, X)
-    x, effort = start_point(problem, free), _effort(problem, logs, calibration)
+    begin = start_values(problem, free)
+    if isinstance(begin, Failure):
+        return SearchResult(problem, begin)
+    (x, X), effort = begin, _effort(problem, logs, calibration)
     if free.start is None:
         stages = STAGES_FROM_CALIBRATION if calibration else STAGES_FROM_PRIOR
         coarse = search(problem, x, X, stages[:-1], progress, effort=effort)
@@ -134,6 +134,12 @@ def problem_of(
     """The problem of `shoot`; `find` is the function that finds the phase of a carrier."""
     problem = fit_problem(logs, actuator, free, calibration, find or phase_finder(actuator, free, calibration))
     return replace(problem, noise=replace(problem.noise, memory=MODEL_MEMORY))
+
+
+def start_values(problem: Problem, free: FreeParameters) -> tuple[FloatArray, States] | Failure:
+    """x at the start of a search, and initial values of the states of all windows."""
+    X = _states(problem, [plan.actuator for plan in problem.plans])
+    return X if isinstance(X, Failure) else (start_point(problem, free), X)
 
 
 def _ended(problem: Problem, solution: ShootingSolution | Failure) -> ShootingSolution | Failure:
@@ -203,6 +209,19 @@ def refine(
     return replace(search_result, problem=problem, solution=_ended(problem, fine))
 
 
+def rows(problem: Problem, x: FloatArray, near: LinearisedProblem) -> ResidualRows | Failure:
+    """The cost at x with the states that cost least there, whose rows are eliminated: those of the data are k + 1.
+
+    Compressed by an orthogonal matrix that differs from x to x, so a single row means nothing. The states end where a
+    step gains nothing; so the cost scatters by one or two from x to x.
+    """
+    moved = settled(problem, Solution(near.x, near, "converged", 0), x)
+    at = moved if isinstance(moved, Failure) else linearise(problem, x, moved.at.X)
+    if isinstance(at, Failure):
+        return at
+    return ResidualRows(at.prior, data_factor(problem, at), 0.5 * at.cost)
+
+
 def _settled(problem: Problem, solution: ShootingSolution, x: FloatArray) -> ShootingSolution | Failure:
     return _ended(problem, settled(problem, solution, x))
 
@@ -213,6 +232,8 @@ SHOOTING = Method(
     problem_of,
     shoot,
     linearise,
+    rows,
+    start_values,
     result,
     check=with_checked_intervals,
     changes=ChangeFunctions(refine, _settled),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clutchid.errors import DataError, ParameterError
-from clutchid.estimation.method import Method, MethodResult, SearchResult
+from clutchid.estimation.method import Method, MethodResult, ResidualRows, SearchResult
 from clutchid.estimation.request import FreeParameters, bounds_of
 from clutchid.estimation.result import Compared, Recording, compare_states
 from clutchid.inference.problem import Problem
@@ -93,6 +93,20 @@ def evaluated(problem: Problem, x: FloatArray, _: Sequence[FloatArray] = ()) -> 
     return linearise_segments(problem, x)
 
 
+def rows(problem: Problem, x: FloatArray, _: object = None) -> ResidualRows | Failure:
+    """The residuals of all samples at x: by segment, measured column and time."""
+    parts, scales = [np.zeros((0, x.size + 1))], [np.zeros(0)]
+    for segment in residuals(problem, x):
+        if isinstance(segment, Failure):
+            return segment
+        part = np.zeros((len(segment.rows), x.size + 1))
+        part[:, [*segment.places, x.size]] = segment.rows
+        parts.append(part)
+        scales.append(segment.scales)
+    data = np.concatenate(parts)
+    return ResidualRows(parts[0], data, 0.5 * float(np.sum(data[:, -1] ** 2)), np.concatenate(scales))
+
+
 def _prepared(logs: Sequence[Log], actuator: Actuator, free: FreeParameters) -> tuple[Problem, FloatArray]:
     limits = bounds_of(free.names, actuator, free.bounds)
     start = actuator.replace({name: float(np.clip(actuator.value(name), *limits[name])) for name in free.names})
@@ -111,20 +125,28 @@ def build_problem(
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[Problem, FloatArray]:
     """The problem of a fit of `names` to the recordings `plans`, and x (k,) at the values of `actuator`."""
-    free, values = [], []
+    free = []
     for name, unit in zip(names, natural_sizes(actuator, names).tolist(), strict=True):
         free.append(Coordinate(name, None, 0.0, unit, False, *bounds[name], limit=np.inf))
-        values.append(actuator.value(name))
     for prepared in plans:
         for number, segment in enumerate(prepared.segments):
-            for name, value, low, high in _free_start(segment, actuator):
+            for name, _, low, high in _free_start(segment, actuator):
                 stem = _start_stem(prepared, number)
                 free.append(Coordinate(name, stem, 0.0, _START_UNITS[name], False, low, high, limit=np.inf))
-                values.append(value)
     noise = Noise(measured={name: MEASURED[name].first_scale for name in measure})
     stems = tuple(prepared.log.name for prepared in plans)
     problem = Problem(actuator, tuple(free), stems, tuple(measure), noise, tuple(plans))
-    return problem, np.array([c.of(min(max(value, c.low), c.high)) for c, value in zip(free, values, strict=True)])
+    return problem, start_values(problem)[0]
+
+
+def start_values(problem: Problem, _: object = None) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """x (k,) at the values of the actuator, and at the guesses of unknown starts of segments; there are no windows."""
+    values = [problem.actuator.value(name) for name in _shared(problem)]
+    for prepared in problem.plans:
+        for segment in prepared.segments:
+            values += [value for _, value, _, _ in _free_start(segment, problem.actuator)]
+    places = zip(problem.coordinates, values, strict=True)
+    return np.array([c.of(min(max(value, c.low), c.high)) for c, value in places]), ()
 
 
 def _start_stem(plan: Plan, segment: int) -> str:
@@ -339,12 +361,13 @@ class SimulatedSegment(NamedTuple):
 
 
 class SegmentResiduals(NamedTuple):
-    """``[J r]`` (m, k' + 1) of a segment: scaled residuals and their Jacobian in x at `places`; the sample of each."""
+    """``[J r]`` (m, k' + 1) of a segment: scaled residuals, their Jacobian in x at `places`; scale, sample of each."""
 
     plan: Plan
     segment: Segment
     places: list[int]
     rows: FloatArray
+    scales: FloatArray
     samples: NDArray[np.int64]
 
     @property
@@ -433,9 +456,10 @@ def _compared(problem: Problem, simulated: SimulatedSegment) -> SegmentResiduals
             rows[:, column] = sens[compared, i, column] * slope / scales[name]
         rows[:, -1] = difference[compared] / scales[name]
         parts.append(rows)
+    of_rows = np.repeat([scales[name] for name in problem.measure], [len(part) for part in parts])
     if len(parts) == 1:
-        return SegmentResiduals(prepared, segment, places, parts[0], samples[0])
-    return SegmentResiduals(prepared, segment, places, np.concatenate(parts), np.concatenate(samples))
+        return SegmentResiduals(prepared, segment, places, parts[0], of_rows, samples[0])
+    return SegmentResiduals(prepared, segment, places, np.concatenate(parts), of_rows, np.concatenate(samples))
 
 
 def simulated_states(problem: Problem, x: FloatArray, log: int) -> FloatArray:
@@ -557,4 +581,4 @@ def _at_active_bound(problem: Problem, solution: Solution[Linearisation]) -> NDA
 
 
 #: The paper's method.
-SIMULATION = Method("simulation", problem_of, search, evaluated, result, priors=False)
+SIMULATION = Method("simulation", problem_of, search, evaluated, rows, start_values, result, priors=False)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from clutchid.estimation.assess.comparison import Comparison
     from clutchid.estimation.assess.evidence import Evidence
     from clutchid.estimation.assess.verdict import Verdict
+    from clutchid.estimation.fit_problem import FitProblem
     from clutchid.estimation.result import Fit
     from clutchid.log import Log
     from clutchid.measurements.map.channel_map import ChannelMap
@@ -151,6 +152,13 @@ def comparison_of(fit: Fit) -> Comparison | None:
     return comparison(fit)
 
 
+def problem_at_end(fit: Fit) -> FitProblem:
+    """The problem of a fit at its end, see `clutchid.estimation.fit_problem`."""
+    from clutchid.estimation.fit_problem import problem_of_fit
+
+    return problem_of_fit(fit)
+
+
 def _printed_fit(fit: Fit) -> str:
     from clutchid.documents.fit import printed_fit
 
@@ -174,6 +182,7 @@ _ATTACHED: Mapping[tuple[str, str], Mapping[str, Any]] = {
         "evidence": property(evidence_of),
         "verdict": property(verdict_of),
         "comparison": property(comparison_of),
+        "problem": property(problem_at_end),
         "__str__": _printed_fit,
         "_repr_html_": _in_notebook,
     },

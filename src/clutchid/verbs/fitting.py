@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from clutchid.arguments import checked
 from clutchid.estimation.fit import MethodName, fit_request
+from clutchid.estimation.fit_problem import FitProblem, problem_of_request
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Fit
 from clutchid.inference.filter.filtering import compile_filter_beside
@@ -229,6 +230,62 @@ def estimate(
     asked = requested("estimate", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
     reading = reading_of(logs, verify, ambient=ambient, channels=channels, dbc=dbc, force=force)
     return _ended(fitted(reading, start, asked, progress), on_failure)
+
+
+@checked
+def problem(
+    logs: LogOrPath | Sequence[LogOrPath],
+    start: CalibrationSource | Actuator | None = None,
+    request: FitRequest | None = None,
+    *,
+    free: str | Sequence[str] | None = None,
+    measure: str | Sequence[str] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    method: MethodName | None = None,
+    zero: Zero | None = None,
+    force: bool = False,
+    ambient: float | None = None,
+    channels: ChannelMap | str | PathLike[str] | None = None,
+    dbc: Sequence[str | PathLike[str]] = (),
+) -> FitProblem:
+    """The least-squares problem of a request, not fitted, for other tools; that of a fit is ``fit.problem``.
+
+    Parameters
+    ----------
+    logs : Log or path, or several
+        As in `clutchid.fit`.
+    start : Actuator, Fit, ParameterFile or path, optional
+        Model and start values, or a calibration: then the problem is that of a load from position alone if nothing has
+        changed but by drift.
+    request, free, measure, bounds, method, zero, force, ambient, channels, dbc
+        As in `clutchid.fit`.
+
+    Returns
+    -------
+    problem : FitProblem
+        At the start values.
+
+    Raises
+    ------
+    DataError, ParameterError, SolveError
+        As `clutchid.fit`.
+
+    Examples
+    --------
+    The load of the bundled truck 10 % larger than that of Appendix A, as the residuals of 10,000 samples:
+
+    >>> import clutchid
+    >>> problem = clutchid.problem(clutchid.bundled_recording().slice(0, 10_000), free="theta_1")
+    >>> problem.residuals(1.1 * problem.x).size
+    10000
+    """
+    asked = requested("fit", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
+    reading = reading_of(logs, (), ambient=ambient, channels=channels, dbc=dbc, force=force)
+    actuator, asked = start_of(start, asked.completed())
+    logs = inspected(
+        reading.read(actuator, asked.measure), actuator, asked.counted_from, asked.zero, force=reading.force
+    )
+    return problem_of_request(logs, actuator, asked)
 
 
 def fitted(reading: Reading, start: FitStart, request: FitRequest, progress: Progress | None = None) -> Fit:

@@ -59,13 +59,13 @@ def test_numbers_that_contradict_each_other_are_a_failure(plant, recorded_by, pr
 
 
 def test_a_segment_that_fails_fails_the_whole(problem, monkeypatch):
-    monkeypatch.setattr(module, "filtered", lambda *_: Failure("y is not finite at 0.1 s."))
+    monkeypatch.setattr(module, "filtered", lambda *_, **__: Failure("y is not finite at 0.1 s."))
     assert predict_errors(problem, ZERO) == Failure("y is not finite at 0.1 s.")
 
 
 def test_a_cost_that_is_not_finite_is_a_failure(problem, monkeypatch, here):
     broken = replace(here.segments[0], cost=np.inf)
-    monkeypatch.setattr(module, "filtered", lambda *_: broken)
+    monkeypatch.setattr(module, "filtered", lambda *_, **__: broken)
     assert predict_errors(problem, ZERO) == Failure("the cost is not finite")
 
 

@@ -78,6 +78,11 @@ class Filtered:
         """Derivatives of the pressure in chamber A with respect to theta and its standard deviation, (n, size + 1)."""
         return _spread(self.watched, self.mapped)
 
+    @property
+    def deviations(self) -> FloatArray:
+        """Standard deviations in SI of the innovations of rows that are not compressed; NaN without a measurement."""
+        return np.sqrt(self.errors[np.isfinite(self.errors[:, :, 0]).any(axis=1), :, 1]).ravel()
+
     def measured(self, name: str) -> NDArray[np.bool_]:
         """Mask of the samples that have a measurement of a column (n,)."""
         return np.isfinite(self.errors[:, _SENSORS.index(name), 0])
