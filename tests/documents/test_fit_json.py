@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import clutchid
 from clutchid.cli.common import print_json
 from clutchid.documents.fit_json import fit_json
 from clutchid.estimation import LoadCurve
@@ -89,3 +90,13 @@ def test_recordings_read_alone_are_there_by_name(fitted, written):
     assert reading["changes"][0]["after"] == 2.0
     assert reading["changes"][0]["probability"] == 0.75
     assert len(reading["load_curve"]["force_N"]) == len(reading["load_change"]["difference_N"]) == 101
+
+
+def test_identifiability_and_profiles_are_in_the_json_of_a_fit():
+    log = clutchid.bundled_recording().slice(0, 4000)
+    request = clutchid.FitRequest(profile=("F_C",))
+    fit = clutchid.fit(log, free="load,F_C", measure="position,pressure_a", request=request)
+    data = fit_json(fit)
+    assert {row["name"] for row in data["identifiability"]["ranking"]} == set(fit.parameters)
+    assert data["profiles"]["F_C"]["shape"] in ("bounded", "open below", "open above", "flat")
+    assert len(data["profiles"]["F_C"]["values"]) == len(data["profiles"]["F_C"]["distances"]) >= 3

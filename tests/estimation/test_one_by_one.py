@@ -24,7 +24,7 @@ def read(monkeypatch):
     def run(logs, result, **asked):
         requests = {}
 
-        def fit_with(method, recordings, start, request, progress):
+        def fit_with(method, recordings, start, request, progress, *_):
             names = tuple(log.name for log in recordings)
             requests[names] = request
             if names == ("short",):
@@ -66,7 +66,7 @@ def read_alone(monkeypatch, drive, short_fit):
     def run(**departures):
         begun = []
 
-        def fit_with(method, recordings, start, request, progress):
+        def fit_with(method, recordings, start, request, progress, *_):
             names = tuple(log.name for log in recordings)
             begun.append(names)
             (recording,) = short_fit.recordings.values()

@@ -13,7 +13,7 @@ from clutchid.estimation.checks import (
     NONQUADRATIC_SHARE,
     ROOT_TOLERANCE,
     is_nonquadratic,
-    profile_interval,
+    profile_curve,
 )
 from clutchid.estimation.posterior import parameter_uncertainty
 from clutchid.estimation.result import QUANTILE
@@ -27,6 +27,12 @@ pytestmark = pytest.mark.slow
 
 #: The data determine friction, sensor lag and gas temperature, but not the far stop, which the piston does not reach.
 NAMES = ("F_C", "tau_y", "T_w", "K_stop")
+
+
+def profile_interval(*arguments):
+    """Ends of the interval of a profile, or why there is none."""
+    curve = profile_curve(*arguments)
+    return curve if isinstance(curve, Failure) else (curve.low, curve.high)
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +73,17 @@ def half(problem, name, interval):
     """Half width of an interval as a coordinate."""
     c = problem.coordinates[problem.names.index(name)]
     return (c.of(interval[1]) - c.of(interval[0])) / 2
+
+
+def test_a_curve_has_every_evaluation_and_rises_to_its_ends_on_both_sides(problem, solution, uncertain):
+    curve = profile_curve(problem, solution, uncertain, "F_C")
+    assert curve.shape == "bounded"
+    assert np.all(np.diff(curve.values) > 0.0)
+    least = int(np.argmin(curve.distances))
+    assert curve.values[least] == pytest.approx(problem.si(solution.x)[0])
+    assert np.all(np.diff(curve.distances[: least + 1]) < 0.0)
+    assert np.all(np.diff(curve.distances[least:]) > 0.0)
+    assert np.interp(curve.high, curve.values, curve.distances) == pytest.approx(QUANTILE, rel=0.05)
 
 
 @pytest.mark.parametrize("name", ["tau_y", "T_w"])
@@ -251,6 +268,21 @@ TOO_LONG = Failure("the step is too long.")
 )
 def test_ends_are_found_where_the_cost_is_no_parabola(ends, root, wanted):
     assert ends(root)[0] == pytest.approx(wanted, rel=2 * ROOT_TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("root", "shape"),
+    [
+        (abs, "bounded"),
+        (lambda u: 0.0, "flat"),
+        (lambda u: max(u, 0.0), "open below"),
+        (lambda u: max(-u, 0.0), "open above"),
+    ],
+    ids=["parabola", "flat", "open below", "open above"],
+)
+def test_the_shape_says_where_the_cost_does_not_grow(problem, solution, uncertain, monkeypatch, root, shape):
+    monkeypatch.setattr(module, "project", Valley(root, solution, uncertain))
+    assert profile_curve(problem, solution, uncertain, "F_C").shape == shape
 
 
 def test_what_never_costs_enough_ends_after_four_half_widths(ends):

@@ -38,7 +38,7 @@ def test_a_calibration_that_is_not_there_is_a_sentence(recordings, tmp_path):
 
 def test_a_calibration_is_a_fit_with_its_defaults(recordings, monkeypatch):
     requests = []
-    monkeypatch.setattr("clutchid.verbs.fitting.fit_request", lambda *request: requests.append(request[1:]))
+    monkeypatch.setattr("clutchid.verbs.fitting.fit_request", lambda *request, **_: requests.append(request[1:]))
     calibrate(recordings[0], on_failure="return")
     fit(recordings[0], measure="position,pressure_a", free="auto", on_failure="return")
     assert requests[0] == requests[1]

@@ -97,3 +97,26 @@ def test_a_single_sample_is_sensed_without_a_lag(plant, drive_log):
     sample = clutchid.simulate(plant, drive_log.slice(0, 10)).log.slice(0, 1)
     recorded = with_sensors(sample, Parameters(tau_p=2e-3, e_p=5e3))
     assert recorded["pressure_a"] - sample["pressure_a"] == pytest.approx([5e3])
+
+
+def test_a_result_that_predicts_another_recording_no_better_than_its_start_is_no_improvement(own_log):
+    first, second = own_log.slice(0, 3000), own_log.slice(3000, 6000)
+    better = clutchid.fit(first, verify=[second])
+    (gain,) = better.gains.values()
+    assert gain > 0.5
+    assert not any(reason.startswith("no improvement") for reason in better.verdict.reasons)
+    again = clutchid.fit(first, better.actuator, verify=[second])
+    (gain,) = again.gains.values()
+    assert abs(gain) < 0.01
+    (reason,) = [reason for reason in again.verdict.reasons if reason.startswith("no improvement")]
+    assert "keep those, or fit recordings like it" in reason
+    assert again.verdict.trust != "good"
+
+
+@pytest.fixture(scope="module")
+def own_log():
+    """The paper's model with a load 10 % above the start values, and white noise."""
+    log = clutchid.bundled_recording().slice(0, 6000)
+    truth = clutchid.Actuator(load=clutchid.Load((9.5e5, -4e4, 0.0)))
+    noise = 2e-5 * np.random.default_rng(4).standard_normal(len(log))
+    return log.with_columns(position=clutchid.simulate(truth, log).log["position"] + noise)

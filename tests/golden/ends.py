@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 
 from clutchid import Fit
-from clutchid.estimation.checks import profile_interval
+from clutchid.estimation.checks import profile_curve
 from clutchid.estimation.fit import FIT_METHODS
 from clutchid.estimation.method import Method, SearchResult
+from clutchid.estimation.result import ProfileCurve
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import LinearisedProblem, condense
 from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
+from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import Linearisation, Solution
 from clutchid.truck import Drive, Vehicle, drive
 
@@ -104,10 +106,11 @@ class Recorder:
             return settled
 
         def profile(problem: Problem, solution: Any, uncertain: Any, name: str) -> Any:
-            interval = profile_interval(problem, solution, uncertain, name)
-            assert not isinstance(interval, Failure), interval
-            self.ends.append({"what": f"profile of {name}", "interval": rounded(interval)})
-            return interval
+            curve = profile_curve(problem, solution, uncertain, name)
+            assert not isinstance(curve, Failure), curve
+            interval = rounded((curve.low, curve.high))
+            self.ends.append({"what": f"profile of {name}", "interval": interval, "shape": curve.shape})
+            return curve
 
         return _with(method, search, refine, settle, profile)
 
@@ -189,11 +192,12 @@ class Replay:
             number, end = self.number, self._next(f"profile of {name}")
             low, high = end["interval"]
             if number in self.again:
-                now = profile_interval(problem, solution, uncertain, name)
+                now = profile_curve(problem, solution, uncertain, name)
                 assert not isinstance(now, Failure), now
-                apart = max(abs(now[0] - low), abs(now[1] - high))
+                apart = max(abs(now.low - low), abs(now.high - high))
                 self.searched[end["what"]] = {"half widths": 2 * apart / (high - low)}
-            return low, high
+            ends = np.array([low, high])
+            return ProfileCurve(low, high, ends, np.full(2, QUANTILE), end.get("shape", "bounded"))
 
         return _with(method, search, refine, settle, profile)
 

@@ -87,6 +87,9 @@ def of_fit(result: Fit) -> Numbers:
         del written["fit"]["calibration"]  # that of the calibration
     json_object = fit_json(result)
     del json_object["starts"]  # of the search, which is not repeated
+    del json_object["identifiability"]  # its order may depend on the processor where two are as well determined
+    for profile in json_object["profiles"].values():  # where it was fixed, also of the search
+        del profile["values"], profile["distances"]
     for curve in ("load_curve", "calibrated_load_curve", "load_change"):
         if isinstance(json_object.get(curve), dict):
             json_object[curve] = {n: v[::10] if isinstance(v, list) else v for n, v in json_object[curve].items()}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.documents.changes import notes_of, rests_json
+from clutchid.documents.identifiability import identifiability_json
 from clutchid.estimation import Change, Errors, Fit, LoadCurve
 from clutchid.estimation.assess.comparison import Comparison, comparison
 from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, remarks
@@ -36,11 +37,16 @@ def fit_json(result: Fit) -> dict[str, Any]:
             for name, recording in result.recordings.items()
         },
         "rest_shift_m": next(iter(rests.values()), None),
-        "verify": {name: errors_json(recording.errors) for name, recording in result.verification.items()},
+        "verify": {
+            name: {**errors_json(recording.errors), "gain": result.gains.get(name)}
+            for name, recording in result.verification.items()
+        },
         "noise_scales": dict(result.scales),
         "warnings": list(result.warnings),
         "method": result.method,
         "starts": [asdict(start) for start in result.starts],
+        **identifiability_json(result),
+        "criteria": evidence(result).criteria(len(result.parameters))._asdict(),
         "causes": [cause_json(cause) for cause in result.causes],
         "alternatives": {name: _reading_json(fit) for name, fit in result.alternatives.items()},
         "notes": notes_of(result),

@@ -11,6 +11,7 @@ from clutchid.documents.comparison import comparison_sections
 from clutchid.documents.diagnosis import diagnosis_table, information_blocks, limit_blocks, residual_blocks, worst_first
 from clutchid.documents.document import Block, Chapter, Details, Picture, Text
 from clutchid.documents.fit_figures import recording_figure, reliable
+from clutchid.documents.identifiability import identifiability_blocks
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable, load_table, scientific
 from clutchid.estimation import Errors, Fit, Recording
@@ -92,7 +93,8 @@ def fit_sections(fit: Fit) -> list[Chapter]:
     basis = evidence(fit)
     sections = comparison_sections(fit)
     if basis.diagnoses:
-        sections.append(Chapter("Parameters that the data determine", tuple(information_blocks(fit, basis))))
+        blocks = (*information_blocks(fit, basis), *identifiability_blocks(fit))
+        sections.append(Chapter("Parameters that the data determine", blocks))
     sections.append(Chapter("Parameters", parameter_blocks(fit)))
     if fit.recordings:
         sections.append(Chapter("Errors", _errors(fit, basis)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,10 +47,12 @@ def fit_with(
     actuator: Actuator,
     request: FitRequest,
     progress: Progress | None = None,
+    before_checks: Callable[[Fit], None] = lambda _: None,
 ) -> Fit:
     """Fit as requested by `method`; with priors, pressure in use and a free load the result is also a calibration.
 
-    Status "failed" if the search cannot start.
+    `before_checks` gets the result before profile likelihood and bootstrap begin, so that it can be saved. Status
+    "failed" if the search cannot start.
 
     Raises
     ------
@@ -72,11 +74,13 @@ def fit_with(
         return result
     recordings = {log.name: on_samples(result.recordings[log.name], log) for log in logs}
     result = replace(result, recordings=recordings, search=result.search and replace(result.search, free=free.names))
+    calibrates = "pressure_a" in free.measure and set(free.names) >= set(actuator.load.names)
+    if calibrates:
+        result = _with_calibration(method, result, logs, actuator, conditions, progress)
     if method.check and request.checks:
+        before_checks(result if calibrates else _as_reading(result, search_result.problem, logs, free))
         result = method.check(result, search_result, request.calibration, request.profile, request.bootstrap)
-    if "pressure_a" not in free.measure or not set(free.names) >= set(actuator.load.names):
-        return _as_reading(result, search_result.problem, logs, free)
-    return _with_calibration(method, result, logs, actuator, conditions, progress)
+    return result if calibrates else _as_reading(result, search_result.problem, logs, free)
 
 
 def prepared(

@@ -6,9 +6,10 @@ gives an interval that need not be symmetric.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from clutchid.errors import ParameterError
 from clutchid.estimation.bootstrap import bootstrap, excursions, scatter_ratio
 from clutchid.estimation.method import SearchResult
 from clutchid.estimation.posterior import Posterior, parameter_uncertainty
-from clutchid.estimation.result import Fit
+from clutchid.estimation.result import Fit, ProfileCurve
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.problem import condense
 from clutchid.inference.smoother.search import CONVERGED_GAIN, ShootingSolution, project
 from clutchid.inference.uncertainty.calibration import Calibration
+from clutchid.log import FloatArray
 from clutchid.numerics.failure import Failure
 from clutchid.numerics.interval import QUANTILE
 from clutchid.numerics.least_squares import Solution
@@ -39,10 +41,10 @@ _MAX_RESTARTS = 3
 NONQUADRATIC_SHARE = 0.2
 
 
-def profile_interval(
+def profile_curve(
     problem: Problem, solution: ShootingSolution, uncertain: Posterior, name: str
-) -> tuple[float, float] | Failure:
-    """95 % interval of one free parameter by profile likelihood.
+) -> ProfileCurve | Failure:
+    """Profile likelihood of one free parameter, with its 95 % interval.
 
     Parameters
     ----------
@@ -57,12 +59,12 @@ def profile_interval(
 
     Returns
     -------
-    low, high : SI
-        The values at which the profiled cost has grown by ``(QUANTILE sigma_total / sigma_search)²``: sigma_search is
-        the standard deviation from the curvature of the cost, sigma_total that from the covariance, which includes
-        autocorrelated residuals and consider parameters. For a quadratic cost these are the ends of the interval from
-        the covariance. An end is limited by ``problem.bounds()`` and by `MAX_HALF_WIDTHS`. If no simulation succeeds
-        on one side, its end is that of the covariance; on both sides: a `Failure`.
+    curve : ProfileCurve
+        Its ends are the values at which the profiled cost has grown by ``(QUANTILE sigma_total / sigma_search)²``:
+        sigma_search is the standard deviation from the curvature of the cost, sigma_total that from the covariance,
+        which includes autocorrelated residuals and consider parameters. For a quadratic cost these are the ends of the
+        interval from the covariance. An end is limited by ``problem.bounds()`` and by `MAX_HALF_WIDTHS`. If no
+        simulation succeeds on one side, its end is that of the covariance; on both sides: a `Failure`.
 
     Raises
     ------
@@ -97,7 +99,19 @@ def profile_interval(
             end = first
         # the bound itself, without rounding errors
         ends.append(problem.coordinates[i].si(bound if end == room else at + sign * end))
-    return failures[0] if len(failures) == len(ends) else (ends[0], ends[1])
+    if len(failures) == len(ends):
+        return failures[0]
+    roots = dict(sorted({at: 0.0, **profile.roots}.items()))
+    values = np.array([problem.coordinates[i].si(x) for x in roots])
+    return ProfileCurve(ends[0], ends[1], values, np.array(list(roots.values())), _shape(at, roots))
+
+
+def _shape(at: float, roots: Mapping[float, float]) -> Literal["bounded", "open below", "open above", "flat"]:
+    """Whether the cost has grown to that of an end of the interval below and above the estimate."""
+    reached = {x > at for x, root in roots.items() if root >= (1.0 - ROOT_TOLERANCE) * QUANTILE}
+    if len(reached) == 2:
+        return "bounded"
+    return "flat" if not reached else "open below" if True in reached else "open above"
 
 
 def is_nonquadratic(quadratic: tuple[float, float], profiled: tuple[float, float]) -> bool:
@@ -134,6 +148,7 @@ class _Profile:
 
     def __init__(self, problem: Problem, i: int, solution: ShootingSolution, scale: float) -> None:
         self.problem, self.i, self.scale = problem, i, scale
+        self.roots: dict[float, float] = {}
         self.solutions, self.min_cost = [solution], solution.at.cost
         for _ in range(_MAX_RESTARTS):
             before, repeated = self.min_cost, self.search(float(solution.x[i]))
@@ -159,10 +174,13 @@ class _Profile:
 
         Zero if the cost is lower than at the estimate, where the search had not converged then.
         """
-        solution = self.search(at + sign * distance)
+        value = at + sign * distance
+        solution = self.search(value)
+        self.roots[value] = np.inf
         if isinstance(solution, Failure):
             return solution
-        return self.scale * float(np.sqrt(max(0.0, solution.at.cost - self.min_cost)))
+        self.roots[value] = self.scale * float(np.sqrt(max(0.0, solution.at.cost - self.min_cost)))
+        return self.roots[value]
 
 
 def _fixed(problem: Problem, i: int, value: float) -> Problem:
@@ -209,8 +227,8 @@ def _extrapolated(earlier: tuple[float, float], last: tuple[float, float]) -> fl
     return float(min(last[0] + step, _MAX_GROWTH * last[0]))
 
 
-#: Interval of one free parameter, as `profile_interval` searches for it.
-ProfileInterval = Callable[[Problem, ShootingSolution, Posterior, str], tuple[float, float] | Failure]
+#: Profile of one free parameter, as `profile_curve` searches for it.
+SearchProfile = Callable[[Problem, ShootingSolution, Posterior, str], ProfileCurve | Failure]
 
 #: Intervals are too narrow if the bootstrap scatters by this factor more: 8 strokes give a deviation to a quarter only.
 _TOO_NARROW = 1.5
@@ -222,7 +240,7 @@ def with_checked_intervals(
     calibration: Calibration | None,
     profiled: Sequence[str],
     draws: int,
-    profile: ProfileInterval = profile_interval,
+    profile: SearchProfile = profile_curve,
 ) -> Fit:
     """`result` with profile-likelihood intervals of the parameters `profiled`, and a bootstrap check of its intervals.
 
@@ -239,7 +257,7 @@ def with_checked_intervals(
     draws : 1
         Of the bootstrap over strokes; 0 for none.
     profile : function
-        Searches for the interval of a parameter.
+        Searches for the profile of a parameter.
 
     Raises
     ------
@@ -258,26 +276,39 @@ def with_checked_intervals(
 
 
 def _profiled(
-    result: Fit, problem: Problem, solution: ShootingSolution, name: str, interval: tuple[float, float] | Failure
+    result: Fit, problem: Problem, solution: ShootingSolution, name: str, curve: ProfileCurve | Failure
 ) -> Fit:
     estimate = result.parameters[name]
-    if isinstance(interval, Failure):
-        note = f"{name}: no interval by profile likelihood: {interval.message}"
+    if isinstance(curve, Failure):
+        note = f"{name}: no interval by profile likelihood: {curve.message}"
         return replace(result, notes=(*result.notes, note))
     # the interval of a load weight is corrected for the calibration's bias in the same way as its value
     place = problem.names.index(name)
     shift = estimate.value - problem.coordinates[place].si(float(solution.x[place]))
-    low, high = interval[0] + shift, interval[1] + shift
+    curve = curve._replace(low=curve.low + shift, high=curve.high + shift, values=curve.values + shift)
+    low, high = curve.low, curve.high
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     note = f"{name}: {low:.4g} to {high:.4g}{unit} by profile likelihood"
     if is_nonquadratic((estimate.low, estimate.high), (low, high)):
         note += f"; the covariance, which assumes a quadratic cost, gives {estimate.low:.4g} to {estimate.high:.4g}"
+    if curve.shape != "bounded":
+        note += f"; its profile is {curve.shape}"
     parameters = {**result.parameters, name: replace(estimate, low=low, high=high)}
-    return replace(result, parameters=parameters, notes=(*result.notes, note + "."))
+    profiles, notes = {**result.profiles, name: curve}, (*result.notes, note + ".")
+    return replace(result, parameters=parameters, profiles=profiles, notes=notes)
+
+
+def _drawn(result: Fit, problem: Problem, solution: ShootingSolution, x: FloatArray) -> FloatArray:
+    """Draws of x (draws, k) as values in SI; load weights lack the bias of the calibration, as their estimates do."""
+    at = [problem.names.index(name) for name in result.parameters]
+    estimates = np.array([e.value for e in result.parameters.values()])
+    return np.asarray([problem.si(draw)[at] for draw in x] + estimates - problem.si(solution.x)[at])
 
 
 def _bootstrapped(result: Fit, problem: Problem, solution: ShootingSolution, uncertain: Posterior, draws: int) -> Fit:
-    times = scatter_ratio(problem, bootstrap(problem, solution, draws), uncertain.noise_root)
+    x = bootstrap(problem, solution, draws)
+    result = replace(result, draws=_drawn(result, problem, solution, x))
+    times = scatter_ratio(problem, x, uncertain.noise_root)
     if not np.isfinite(times):
         return replace(result, notes=(*result.notes, "no bootstrap: a free load and two strokes are needed."))
     count = 1 + max(int(track.max()) for track in excursions(problem))

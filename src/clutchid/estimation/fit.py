@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
@@ -47,12 +47,14 @@ def fit_request(
     methods: Mapping[str, Method] = FIT_METHODS,
     *,
     seek_causes: bool = True,
+    before_checks: Callable[[Fit], None] = lambda _: None,
 ) -> Fit:
     """Fit `request` to recordings by one of `methods`, and simulate the recordings `verify` with the result.
 
     Several recordings whose load is read from a calibration are also read one by one, because a load that they share is
     meant for one state of wear of one vehicle. With `seek_causes`, faults of the inputs are compared where a reading is
-    not explained by its calibration. Status "failed" if the start values cannot be simulated.
+    not explained by its calibration. `before_checks` is that of `fit_with`. Status "failed" if the start values cannot
+    be simulated.
 
     Raises
     ------
@@ -67,7 +69,8 @@ def fit_request(
     if len(rested) > 1 and from_position and free_parameters(recordings.logs, start, request)[1].reads_load(start):
         readings = _one_by_one(recordings.usable, start, request, progress, methods)
         DataError.raise_for(filter(None, [nothing_in_common(readings)]))
-    result = fit_with(method, [with_inputs(log) for log in recordings.logs], start, request, progress)
+    inputs = [with_inputs(log) for log in recordings.logs]
+    result = fit_with(method, inputs, start, request, progress, before_checks)
     if result.status == "failed":
         return result
     if seek_causes and len(rested) == 1 and result.departure is not None and request.calibration is not None:
@@ -83,12 +86,21 @@ def fit_request(
         readings = _one_by_one(recordings.usable, start, request, progress, methods)
     report_stage(progress, "verification")
     simulated, problems = verification(result.actuator, others, request.partition, request.measure, result.follows)
+    before: Mapping[str, Recording] = {}
+    if result.baseline is None:
+        before, _ = verification(start, others, request.partition, request.measure, result.follows)
+    gains = {
+        name: 1.0 - recording.errors.position_rms / max(before[name].errors.position_rms, 1e-12)
+        for name, recording in simulated.items()
+        if name in before
+    }
     return replace(
         result,
         recordings=_with_rests(result.recordings, rested),
         verification=_with_rests(simulated, checked),
         readings=readings,
         notes=(*result.notes, *recordings.said),
+        gains=gains,
         request=request,
         start=start,
         warnings=(*result.warnings, *(f"verification: {problem}" for problem in problems)),

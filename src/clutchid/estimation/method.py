@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clutchid.estimation.filtered_load import load_per_supply
-from clutchid.estimation.request import FreeParameters, SearchState, ended
+from clutchid.estimation.request import FreeParameters, SearchState, bounds_of, ended
 from clutchid.estimation.result import (
     Change,
     Compared,
@@ -23,9 +23,9 @@ from clutchid.estimation.result import (
 from clutchid.inference.problem import Problem
 from clutchid.inference.smoother.search import USUAL_EFFORT, Effort
 from clutchid.inference.uncertainty.calibration import DEVIATION_FACTOR, Calibration
-from clutchid.inference.uncertainty.coordinates import Prior
+from clutchid.inference.uncertainty.coordinates import Coordinate, Prior
 from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
-from clutchid.inference.uncertainty.identifiability import in_words
+from clutchid.inference.uncertainty.identifiability import identifiability, in_words
 from clutchid.inference.uncertainty.mixture import Mixture
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
@@ -59,11 +59,12 @@ class SearchResult:
 class MethodResult(NamedTuple):
     """Uncertainty at the solution of a search, and the recordings simulated there.
 
-    `covariance` is that of x; a 95 % interval has a half width of `quantile` standard deviations. `warnings` and
-    `notes` are those that only this method has.
+    `covariance` is that of x, `data` the Jacobian of the data there, or its factor; a 95 % interval has a half width of
+    `quantile` standard deviations. `warnings` and `notes` are those that only this method has.
     """
 
     covariance: FloatArray
+    data: FloatArray
     compared: Sequence[Compared]
     quantile: float = QUANTILE
     warnings: Sequence[str] = ()
@@ -176,6 +177,7 @@ def fit_at(method: Method, search_result: SearchResult, calibration: Calibration
         departure=search_result.departure,
         load_per_supply=load_per_supply(problem, mixture),
         starts=solution.starts,
+        identifiability=identifiability(result.data, problem.names, slopes),
     )
 
 
@@ -237,8 +239,20 @@ def _at_bounds(problem: Problem, at: Sequence[int], x: FloatArray, *, priors: bo
                 shown = f"{c.si(float(x[i])):g}{actuator.unit_behind(c.base)}"
                 others = "; the intervals of the others assume that it is fixed there"
                 fixed = "" if priors or c.base in actuator.load.names else others
-                warnings.append(f"{c.name} lies at its {word} bound {shown}{fixed}.")
+                usual = _usual_bound(actuator, c, end, priors=priors)
+                warnings.append(f"{c.name} lies at its {word} bound {shown}{usual}{fixed}.")
     return warnings
+
+
+def _usual_bound(actuator: Actuator, c: Coordinate, end: float, *, priors: bool) -> str:
+    """Words for a default bound; none for a stated one, and for those of a load."""
+    if c.base in actuator.load.names or (priors and np.isfinite(end)):
+        return ""
+    if priors:
+        return f", {c.limit:g} standard deviations from the mean of its prior (the default; --prior moves it)"
+    start = actuator.value(c.base)
+    three = ", a factor of three from its start" if np.isclose(max(end, start), 3.0 * min(end, start)) else ""
+    return f" (the default{three}; --bounds moves it)" if end in bounds_of([c.base], actuator, {})[c.base] else ""
 
 
 def _search_state(problem: Problem, solution: Solution[Any]) -> SearchState:

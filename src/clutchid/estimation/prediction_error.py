@@ -40,8 +40,9 @@ def result(
     uncertain = _parameter_uncertainty(problem, solution, calibration)
     if isinstance(uncertain, Failure):
         return uncertain
+    data = np.vstack([segment.rows[:, :-1] for segment in solution.at.segments])
     compared = _recordings(problem, solution, uncertain)
-    return MethodResult(uncertain.matrix, compared, notes=_statistics(problem, solution))
+    return MethodResult(uncertain.matrix, data, compared, notes=_statistics(problem, solution))
 
 
 def _parameter_uncertainty(

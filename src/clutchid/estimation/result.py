@@ -14,6 +14,7 @@ from clutchid.estimation.request import FitRequest, SearchState
 from clutchid.inference.uncertainty.calibration import Calibration
 from clutchid.inference.uncertainty.conditions import Assumption
 from clutchid.inference.uncertainty.estimates import POINTS, Estimate, LoadCurve
+from clutchid.inference.uncertainty.identifiability import Identifiability
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
 from clutchid.names import made_anew
@@ -118,6 +119,30 @@ class InputFault(NamedTuple):
     size: float
     innovations: float
     log_likelihood: float
+
+
+class ProfileCurve(NamedTuple):
+    """Profile likelihood of a parameter: the cost, minimised over all others, where it is fixed.
+
+    Attributes
+    ----------
+    low, high : SI
+        Ends of the 95 % interval.
+    values : SI, (n,)
+        Where it was fixed, rising.
+    distances : 1, (n,)
+        How far they are from the estimate by the growth of the cost, in standard deviations: 1.96 at an end of the
+        interval. Infinite where nothing could be simulated.
+    shape
+        'bounded', 'open below' or 'open above' where the cost does not grow as far up to a bound, or within four half
+        widths of the interval from the covariance; 'flat' where it does so on neither side.
+    """
+
+    low: float
+    high: float
+    values: FloatArray
+    distances: FloatArray
+    shape: Literal["bounded", "open below", "open above", "flat"]
 
 
 _Status = Literal["ok", "warning", "failed"]
@@ -237,6 +262,15 @@ class Fit:
         first.
     alternatives
         Readings without a suspected fault of the inputs, by its name.
+    profiles
+        Profile likelihood of the parameters for which it was requested, by name.
+    draws : SI, (draws, k)
+        Estimates of the free parameters by the bootstrap, in the order of `parameters`; None where not requested.
+    gains : 1
+        By what share the position error of each verified recording is below that of the start values; not for a load
+        read from a calibration.
+    identifiability
+        Ranking, collinearity and near dependencies of the free parameters by the data alone; None without estimates.
     request, start
         The completed request, and the actuator that the search started from; None where it did not begin.
 
@@ -283,6 +317,10 @@ class Fit:
     starts: tuple[Start, ...] = ()
     causes: tuple[InputFault, ...] = ()
     alternatives: Mapping[str, Fit] = field(default_factory=dict)
+    profiles: Mapping[str, ProfileCurve] = field(default_factory=dict)
+    draws: FloatArray | None = None
+    gains: Mapping[str, float] = field(default_factory=dict)
+    identifiability: Identifiability | None = None
     request: FitRequest | None = None
     start: Actuator | None = None
 

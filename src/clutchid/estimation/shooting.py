@@ -49,7 +49,8 @@ def result(
     uncertain = parameter_uncertainty(problem, solution, calibration, mixture)
     if isinstance(uncertain, Failure):
         return uncertain
-    return MethodResult(uncertain.matrix, _recordings(problem, solution, uncertain))
+    data = data_factor(problem, solution.at)[:, :-1]
+    return MethodResult(uncertain.matrix, data, _recordings(problem, solution, uncertain))
 
 
 def _recordings(problem: Problem, solution: ShootingSolution, uncertain: Posterior) -> list[Compared]:

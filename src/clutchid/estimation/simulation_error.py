@@ -487,7 +487,7 @@ def result(problem: Problem, solution: Solution[Linearisation], *_: object) -> M
         warnings = identifiability_warnings(solution.at.R, names, fitted, reach, with_pressure)
         warnings += _does_not_move(recordings)
     notes = _estimated_starts(problem, recordings)
-    return MethodResult(covariance.matrix, compared, covariance.quantile(), warnings, notes)
+    return MethodResult(covariance.matrix, solution.at.R, compared, covariance.quantile(), warnings, notes)
 
 
 def _estimated_starts(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[str, ...]:

@@ -22,6 +22,8 @@ from clutchid.verbs.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from clutchid.estimation.result import Fit
     from clutchid.numerics.progress import Progress
     from clutchid.verbs.reading import Reading
@@ -68,21 +70,35 @@ class FitCommand:
     def run(self, progress: Progress | None = None) -> Fit:
         """Read and check the recordings, and fit them; a search that failed is a status.
 
+        The files of `save` are written as soon as the search has ended, before profile likelihood and bootstrap begin.
+
         Raises
         ------
         DataError, ParameterError
             As `clutchid.fit`.
         """
         reading = self.files.reading(self.logs, self.verify, force=self.force)
-        return self.run_on(reading, self.start, progress)
+        return self.run_on(reading, self.start, progress, self._saved)
 
-    def run_on(self, reading: Reading, start: Path | None, progress: Progress | None = None) -> Fit:
+    def _saved(self, fit: Fit) -> None:
+        from clutchid.verbs.saving import save_fit
+
+        for path in self.save:
+            save_fit(fit, path)
+
+    def run_on(
+        self,
+        reading: Reading,
+        start: Path | None,
+        progress: Progress | None = None,
+        before_checks: Callable[[Fit], None] = lambda _: None,
+    ) -> Fit:
         """`run` with other paths of the recordings and of the parameter file, as on the server of a page."""
         from clutchid.verbs.fitting import fitted
         from clutchid.verbs.start import start_of
 
         actuator, request = start_of(start, self.search.request(self.verb), model_of(self.search.model))
-        return fitted(reading, actuator, request, progress)
+        return fitted(reading, actuator, request, progress, before_checks)
 
     @property
     def automatic(self) -> bool:

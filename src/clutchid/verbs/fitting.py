@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Literal
 
@@ -288,8 +288,16 @@ def problem(
     return problem_of_request(logs, actuator, asked)
 
 
-def fitted(reading: Reading, start: FitStart, request: FitRequest, progress: Progress | None = None) -> Fit:
+def fitted(
+    reading: Reading,
+    start: FitStart,
+    request: FitRequest,
+    progress: Progress | None = None,
+    before_checks: Callable[[Fit], None] = lambda _: None,
+) -> Fit:
     """Read and check recordings, and fit them as requested; a search that failed is a status.
+
+    `before_checks` gets the result before profile likelihood and bootstrap begin.
 
     Raises
     ------
@@ -304,7 +312,7 @@ def fitted(reading: Reading, start: FitStart, request: FitRequest, progress: Pro
     reported(progress, "checks")
     logs = inspected(logs, actuator, request.counted_from, request.zero, force=reading.force)
     count = len(reading.logs)
-    return fit_request(logs[:count], actuator, request, logs[count:], progress)
+    return fit_request(logs[:count], actuator, request, logs[count:], progress, before_checks=before_checks)
 
 
 def _ended(fit: Fit, on_failure: Literal["raise", "return"]) -> Fit:

@@ -50,6 +50,29 @@ def once_a_fit(function: Callable[[Fit], Value]) -> Callable[[Fit], Value]:
 HORIZON, _MOST_HORIZONS = 1.0, 120
 
 
+class Criteria(NamedTuple):
+    r"""Information criteria of a fit, smaller for the better model of the same samples.
+
+    .. math:: \mathrm{AIC} = \sum_c n_c \ln \sigma_c^2 + 2 k, \quad \mathrm{BIC} = \sum_c n_c \ln \sigma_c^2 + k \ln n
+
+    Attributes
+    ----------
+    aic, bic
+        With the rms residual of each column in SI for its σ, and the k free parameters.
+    independent
+        Sum n of the independent residuals n_c: correlated ones count as fewer. Two fits are compared with the same
+        numbers, those of the one that has fewer.
+
+    References
+    ----------
+    Akaike 1974, Schwarz 1978; number of independent residuals: as in the diagnosis of residuals.
+    """
+
+    aic: float
+    bic: float
+    independent: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """Evidence for a verdict.
@@ -61,6 +84,15 @@ class Evidence:
     diagnoses: Mapping[str, Diagnosis]
     predictions: Mapping[str, float]
     missing: tuple[str, ...]
+
+    def criteria(self, parameters: int, like: Evidence | None = None) -> Criteria:
+        """Information criteria with a number of free parameters, and the independent residuals of another fit."""
+        columns = [(key, c) for key, diagnosis in self.diagnoses.items() for c in diagnosis.columns.items()]
+        others = (like or self).diagnoses
+        counts = [others[key].columns[name].effective_samples for key, (name, _) in columns]
+        losses = sum(n * 2.0 * np.log(c.rms) for n, (_, (_, c)) in zip(counts, columns, strict=True))
+        n = float(sum(counts))
+        return Criteria(float(losses + 2 * parameters), float(losses + parameters * np.log(max(n, 1.0))), n)
 
 
 @once_a_fit

@@ -74,6 +74,22 @@ def _at_bounds(fit: Fit, *, physical: bool) -> list[str]:
     return estimates
 
 
+#: Share of its position error by which a recording that was not fitted must be simulated better than from the start
+#: values. Chosen by hand.
+LEAST_GAIN = 0.05
+
+
+def gain_reasons(fit: Fit) -> Iterator[Reason]:
+    """Verified recordings that the start values simulate as well."""
+    for name, gain in fit.gains.items():
+        if gain < LEAST_GAIN:
+            rms = fit.verification[name].errors.position_rms * 1e3
+            yield Reason(
+                f"no improvement: {name}, which was not fitted, is simulated to {rms:.3g} mm, and from the start "
+                f"values to {rms / (1.0 - gain):.3g} mm: keep those, or fit recordings like it."
+            )
+
+
 def slow_reasons(fit: Fit) -> Iterator[Reason]:
     """That recordings are slower than the changes of their duty cycles; none if none of them is."""
     logs = {name: recording.measured for name, recording in fit.recordings.items()}
@@ -393,6 +409,7 @@ def reasons(fit: Fit) -> tuple[Reason, ...]:
 
 def _reasons(fit: Fit, judged: Evidence) -> Iterator[Reason]:
     yield from slow_reasons(fit)
+    yield from gain_reasons(fit)
     yield from reading_reasons(fit)
     yield from supply_reasons(fit)
     yield from pressure_reasons(fit)

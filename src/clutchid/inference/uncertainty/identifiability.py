@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -19,6 +21,108 @@ _SINGULAR = 1e-3
 #: A parameter is not identifiable if a change by its natural scale changes the norm of the residuals by less than this
 #: many noise scales: even alone, its standard error would exceed that scale.
 _LEAST_NORM = 1.0
+
+
+#: A condition index above this is a near dependency, shared by parameters with more than the share of their variance
+#: in it (Belsley, Kuh and Welsch 1980, section 3.2).
+_CONDITION, _VARIANCE_SHARE = 30.0, 0.5
+
+
+class RankedParameter(NamedTuple):
+    """A parameter in the order in which the data determine it.
+
+    Attributes
+    ----------
+    name
+        NAME or NAME@STEM.
+    alone, ranked : SI
+        Standard deviation by the data alone, without its prior, for independent residuals of the stated size: with all
+        others known, and with those before it estimated too. Infinite where the data say nothing.
+    collinearity : 1
+        Index of it and of those before it: by what factor a change of one can be made up for by the others; 1 for
+        none, and above 10 to 15 they are hardly identifiable together.
+    """
+
+    name: str
+    alone: float
+    ranked: float
+    collinearity: float
+
+
+class NearDependency(NamedTuple):
+    """A combination of parameters that the data hardly determine.
+
+    Attributes
+    ----------
+    condition : 1
+        Condition index: the greatest singular value of the scaled Jacobian over that of the combination.
+    names
+        Parameters that share it.
+    """
+
+    condition: float
+    names: tuple[str, ...]
+
+
+class Identifiability(NamedTuple):
+    """Which parameters the data determine, and which only together.
+
+    Attributes
+    ----------
+    ranking
+        The best determined parameter first, then the one that the data determine best beside those before it.
+    dependencies
+        Near dependencies, the worst first.
+    """
+
+    ranking: tuple[RankedParameter, ...]
+    dependencies: tuple[NearDependency, ...]
+
+
+def identifiability(R: FloatArray, names: Sequence[str], slopes: FloatArray) -> Identifiability:
+    """Ranking, collinearity and near dependencies of parameters from the data alone.
+
+    Parameters
+    ----------
+    R : (m, k)
+        Jacobian of the residuals of the data, in standard deviations, or its triangular factor.
+    names : names
+        Of the columns.
+    slopes : (k,), SI
+        Derivatives of the values with respect to the parameters of R.
+
+    References
+    ----------
+    Ranking by pivoted QR: Burth, Verghese and Velez-Reyes 1999. Collinearity index: Brun, Reichert and Kunsch 2001.
+    Condition indices and shares of variance: Belsley, Kuh and Welsch 1980.
+    """
+    norms = np.sqrt(np.sum(R**2, axis=0))
+    informed = np.flatnonzero(norms > 0.0)
+    unit = R[:, informed] / norms[informed]
+    # columns are compared by what a change of a prior's width, or of the natural size, does to the residuals
+    left, order = qr(R[:, informed], mode="r", pivoting=True)
+    sizes = [np.linalg.svd(unit[:, order[: k + 1]], compute_uv=False) for k in range(order.size)]
+    ranking = [
+        RankedParameter(names[i], float(slopes[i] / norms[i]), _over(slopes[i], left[k, k]), _over(1.0, sizes[k][-1]))
+        for k, i in enumerate(informed[order].tolist())
+    ]
+    ranking += [RankedParameter(names[i], np.inf, np.inf, 1.0) for i in np.flatnonzero(norms == 0.0).tolist()]
+    _, s, Vt = np.linalg.svd(unit, full_matrices=False)
+    conditions = s[0] / np.maximum(s, 1e-12 * s[0]) if s.size else s
+    shares = (Vt * conditions[:, None]) ** 2
+    shares /= np.maximum(shares.sum(axis=0), 1e-300)
+    dependencies = [
+        NearDependency(
+            float(conditions[j]), tuple(names[informed[i]] for i in np.flatnonzero(shares[j] > _VARIANCE_SHARE))
+        )
+        for j in reversed(range(s.size))
+        if conditions[j] > _CONDITION
+    ]
+    return Identifiability(tuple(ranking), tuple(group for group in dependencies if len(group.names) > 1))
+
+
+def _over(size: float, by: float) -> float:
+    return float(size / abs(by)) if by else np.inf
 
 
 def identifiability_warnings(
