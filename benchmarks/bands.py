@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from readings import CASES, family_name, file_of
 
-from clutchid.estimation.assess.reasons import GOOD_ERROR, POOR_ERROR
+from clutchid.estimation.assess.reasons import GOOD_ERROR, GREASE, POOR_ERROR
 from clutchid.estimation.filtered_load import FILTER_WEIGHT
 from clutchid.estimation.hypotheses import INTERVAL_SETTINGS, WITH_SUPPLY, IntervalSettings, flattened, softmax
 from clutchid.inference.uncertainty.change_prior import HYPOTHESES
@@ -236,6 +236,18 @@ def graded(scores: Sequence[Score]) -> str:
     return "; ".join(f"{name}: {bad(scores, *limits)}" for name, limits in grades.items())
 
 
+def good(readings: Sequence[Stored], scores: Sequence[Score]) -> str:
+    """Readings that the verdict calls good by expected error and change of the grease, and how many of them are bad."""
+    few = [s for reading, s in zip(readings, scores, strict=True) if grease_change(reading) <= GREASE]
+    return f"good, the grease as calibrated: {bad(few, 0.0, GOOD_ERROR)}, of {len(scores)}"
+
+
+def grease_change(reading: Stored) -> float:
+    """Change of the logarithm of the viscous friction since the calibration, mean over the hypotheses."""
+    a = reading.arrays
+    return float(weights(reading).mean @ np.median(a["grease"] / np.maximum(a["load"], 1.0), axis=1))
+
+
 def by_expected_error(scores: Sequence[Score]) -> str:
     """How many readings are bad, by their expected error."""
     limits = [0.0, GOOD_ERROR, 2.5, POOR_ERROR, np.inf]
@@ -295,7 +307,7 @@ def main() -> None:
         print(
             f"  area of the expected error times 1 + the share of bootstraps for another: {area(readings, raised):.2f}"
         )
-        print(f"  {graded(used)}")
+        print(f"  {graded(used)}; {good(readings, used)}")
         both += used
         print(f"  correlation of the mean errors of fit and joint filter: {correlation(readings):.2f}")
         print(f"  1 % of the supply moves the load by {per_supply(readings)} %")

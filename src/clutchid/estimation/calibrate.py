@@ -26,6 +26,7 @@ from clutchid.inference.uncertainty.conditions import (
     assumed_conditions,
     condition_warnings,
     conditions_of,
+    unlike_conditions,
     with_estimated_supply,
 )
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -119,7 +120,8 @@ def _with_calibration(
     calibration = replace(calibration, position_only=errors, conditions=conditions)
     report_stage(progress, "innovations")
     calibration = replace(calibration, nis=usual_nis(result.actuator, calibration, logs))
-    return _with_missed(replace(result, calibration=calibration))
+    warnings = (*result.warnings, *unlike_conditions(logs))
+    return _with_missed(replace(result, calibration=calibration, warnings=warnings))
 
 
 def missed_load(result: Fit) -> float:

@@ -16,6 +16,7 @@ from clutchid.inference.uncertainty.conditions import (
     condition_warnings,
     conditions_of,
     known_conditions,
+    unlike_conditions,
     with_estimated_supply,
 )
 from clutchid.inference.uncertainty.coordinates import Prior
@@ -164,3 +165,13 @@ def test_a_supply_of_1_percent_more_balances_a_load_that_is_larger_by_its_own_an
 def test_air_warms_by_5_kelvin_and_another_in_every_5_seconds(seconds, possible):
     log = Log(np.linspace(0.0, seconds, 100), {"temperature_ambient": np.linspace(280.0, 300.0, 100)})
     assert (condition_problems(log, ACTUATOR) == {}) == possible
+
+
+def test_recordings_of_a_calibration_under_unlike_conditions_are_named_with_the_way_out():
+    warm, cold = recorded(300.0, 9e5, name="warm"), recorded(270.0, 8e5, name="cold")
+    air, supply = unlike_conditions([warm, recorded(), cold])
+    assert air.startswith("the air differs (-3.15 °C in cold, 26.9 °C in warm), and a calibration has one set")
+    assert air.endswith("calibrate with recordings of one condition, and estimate the others from it.")
+    assert supply.startswith("the supply differs (8 bar in cold, 9 bar in warm)")
+    assert unlike_conditions([warm, recorded(295.0, 8.9e5)]) == ()
+    assert unlike_conditions([warm, recorded()]) == ()

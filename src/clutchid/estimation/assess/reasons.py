@@ -134,7 +134,7 @@ _LEAKS, _LEAKS_TOO_MUCH = 3e-10, 5e-10
 
 #: Change of the logarithm of the viscous friction, as by 15 K, beyond which a reading is no good one: all of those that
 #: were more than 2 % wrong had it. Provenance: benchmarks/results/intervals.md.
-_GREASE = 0.3
+GREASE = 0.3
 
 #: Position in m from which the error counts: before, the load is small.
 FROM = 5e-4
@@ -172,7 +172,7 @@ def _grease_reasons(fit: Fit) -> Iterator[Reason]:
     for change in fit.changes:
         if change.name == "D_v" and change.probability > 0.5 and change.before > 0.0 < change.after:
             ratio = change.after / change.before
-            if abs(np.log(ratio)) > _GREASE:
+            if abs(np.log(ratio)) > GREASE:
                 text = f"{change.recording}: the grease is {ratio:.2g} times as viscous as at the calibration, as at "
                 yield Reason(f"{text}another temperature. Such loads were up to {remedy}")
 

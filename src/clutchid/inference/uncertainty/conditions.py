@@ -102,6 +102,25 @@ def conditions_of(logs: Sequence[Log], actuator: Actuator) -> RecordedConditions
     return RecordedConditions(*(float(np.mean(of_logs)) if of_logs else None for of_logs in means))
 
 
+#: Conditions by name: word, unit with its size and zero, and the range in it beyond which recordings of a calibration
+#: are unlike, chosen by hand.
+_UNLIKE = (("T_0", "air", "°C", 1.0, 273.15, 10.0), ("P_S", "supply", "bar", 1e5, 0.0, 0.3))
+
+
+def unlike_conditions(logs: Sequence[Log]) -> tuple[str, ...]:
+    """Warnings that recordings of a calibration, which has one set of parameters, were made under unlike conditions."""
+    warnings = []
+    for name, word, unit, size, zero, limit in _UNLIKE:
+        means = sorted(((mean - zero) / size, log.name) for log in logs if (mean := _mean(log, name)) is not None)
+        if means and means[-1][0] - means[0][0] > limit:
+            ends = ", ".join(f"{value:.3g} {unit} in {log}" for value, log in (means[0], means[-1]))
+            warnings.append(
+                f"the {word} differs ({ends}), and a calibration has one set of parameters: calibrate with recordings "
+                "of one condition, and estimate the others from it."
+            )
+    return tuple(warnings)
+
+
 def with_estimated_supply(
     conditions: RecordedConditions, logs: Sequence[Log], simulated: Sequence[Log]
 ) -> RecordedConditions:
