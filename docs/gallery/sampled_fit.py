@@ -10,7 +10,7 @@ import numpy as np
 
 import clutchid
 
-log = clutchid.bundled_recording().slice(0, 4000)
+log = clutchid.bundled_recording().slice(0, 3000)
 truth = clutchid.Actuator(load=clutchid.Load((8.5e5, -4e4, 0.0)))
 noise = 2e-5 * np.random.default_rng(3).standard_normal(len(log))
 log = log.with_columns(position=clutchid.simulate(truth, log).log["position"] + noise)
@@ -20,8 +20,8 @@ problem = fit.problem
 walkers = np.random.default_rng(0).multivariate_normal(problem.x, problem.covariance, 12)
 np.random.seed(0)  # noqa: NPY002, emcee's own generator
 sampler = emcee.EnsembleSampler(len(walkers), problem.x.size, problem.log_density)
-sampler.run_mcmc(walkers, 600)
-draws = (sampler.get_chain(discard=200, flat=True) - problem.x) * problem.slopes(problem.x)
+sampler.run_mcmc(walkers, 400)
+draws = (sampler.get_chain(discard=100, flat=True) - problem.x) * problem.slopes(problem.x)
 
 figure, axes = plt.subplots(figsize=(7, 3.6))
 for name, drawn in zip(problem.names, draws.T, strict=True):

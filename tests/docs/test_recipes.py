@@ -108,3 +108,28 @@ def test_a_container_of_impulse_is_a_recording(tmp_path):
     assert log["position"][[0, 499, 500, 999]] == pytest.approx([0.0, 0.0, 0.01, 0.02])
     assert log["duty_exhaust"][[499, 500, 700]] == pytest.approx([0.0, 0.3, 0.6])
     assert log.metadata["start"] == "2026-01-02T00:00:00"
+
+
+@pytest.mark.parametrize("framework", ["jax", "casadi"])
+def test_the_equations_in_another_framework_make_the_steps_of_the_simulation(framework):
+    module = pytest.importorskip(framework, reason=f"{framework} is not installed")
+    if framework == "jax":
+        module.config.update("jax_enable_x64", True)
+    other = recipe("other_frameworks")
+    actuator, log = clutchid.Actuator(), clutchid.bundled_recording().slice(0, 700)
+    rate = getattr(other, f"rate_in_{framework}")(actuator)
+    parameters = np.array([actuator.value(name) for name in other.PARAMETERS])
+    run = clutchid.simulate(actuator, log).log
+    states = np.column_stack([run[row.column] for row in actuator.state_rows.values()])
+
+    def f(x, u):
+        return np.asarray(rate(x, u, parameters)).ravel()
+
+    scale = np.abs(states).max(axis=0)
+    for k in range(450, 650, 20):  # in a stroke
+        x, u, h = states[k], np.array([log["duty_supply"][k], log["duty_exhaust"][k]]), log.time[k + 1] - log.time[k]
+        first = f(x, u)
+        second = f(x + h / 2 * first, u)
+        third = f(x + h / 2 * second, u)
+        step = h / 6 * (first + 2 * second + 2 * third + f(x + h * third, u))
+        assert (x + step) / scale == pytest.approx(states[k + 1] / scale, abs=1e-9)

@@ -139,14 +139,11 @@ class FitProblem:
         return self._problem.actuator_of(self._checked(x), recording or self._problem.stems[0])
 
     def residuals(self, x: ArrayLike) -> FloatArray:
-        """Residuals (m,) in standard deviations.
-
-        Raises
-        ------
-        SolveError
-            If a recording cannot be simulated at x.
-        """
-        return self._all_rows(x)[:, -1]
+        """Residuals (m,) in standard deviations; infinite where a recording cannot be simulated, so that a step shortens."""
+        rows = self._rows_at(self._checked(x).tobytes())
+        if isinstance(rows, Failure):
+            return np.full(len(self._all_rows(self.x)), np.inf)
+        return np.concatenate([rows.prior[:, -1], rows.data[:, -1]])
 
     def jacobian(self, x: ArrayLike) -> FloatArray:
         """Derivatives (m, k) of the residuals with respect to x.
