@@ -29,7 +29,7 @@ def test_at_rest_without_deflection_both_pressures_are_the_load_over_the_area():
     still = np.full(T.size, 6e-3)
     samples = pressures(ACTUATOR, moving(still, 0 * T, 0 * T))
     expected = P.P_0 + ACTUATOR.load.force(still) / P.A_A
-    for name in ("static_simulated", "balanced_simulated", "static_measured", "balanced_measured"):
+    for name in ("static_simulated", "static_measured", "balanced_measured"):
         np.testing.assert_allclose(getattr(samples, name), expected, rtol=1e-12)
 
 
@@ -38,7 +38,6 @@ def test_in_steady_sliding_the_balance_adds_coulomb_and_viscous_friction(v):
     y = 12e-3 + v * (T - 0.25)
     samples = pressures(ACTUATOR, moving(y, np.full(T.size, v), np.full(T.size, np.sign(v) * P.F_C / P.K_z)))
     friction = (np.sign(v) * P.F_C + P.D_v * v) / P.A_A
-    np.testing.assert_allclose(samples.balanced_simulated - samples.static_simulated, friction, rtol=1e-9)
     # Along the measured motion the seal starts undeflected and follows with rate K_z |v| / F_C = 100 1/s; away from
     # the ends, where smoothing sees a corner, the difference is the same once exp(-100 t) has died out.
     inner = slice(300, 460)
@@ -46,18 +45,12 @@ def test_in_steady_sliding_the_balance_adds_coulomb_and_viscous_friction(v):
 
 
 def test_acceleration_enters_with_the_mass():
-    y, a = 5e-3 + 0.5 * 0.1 * T**2, 0.1
-    samples = pressures(ACTUATOR, moving(y, a * T, 0 * T))
-    # Without deflection the seal adds D_zdot v besides D_v v; a linear velocity has an exact difference quotient.
-    expected = (P.M * a + (P.D_v + P.D_zdot) * a * T) / P.A_A
-    np.testing.assert_allclose(samples.balanced_simulated - samples.static_simulated, expected, rtol=1e-9)
-
-
-def test_the_end_stop_holds_part_of_the_pressure():
-    beyond = np.full(T.size, P.y_max + 2e-4)
-    samples = pressures(ACTUATOR, moving(beyond, 0 * T, 0 * T))
-    stop = P.K_stop * (2e-4 - P.d_stop / 2) / P.A_A
-    np.testing.assert_allclose(samples.balanced_simulated - samples.static_simulated, stop, rtol=1e-9)
+    actuator, v = ACTUATOR.replace(M=100), 0.02 + 0.1 * T
+    samples = pressures(actuator, moving(5e-3 + 0.02 * T + 0.05 * T**2, v, 0 * T))
+    inner = slice(300, 460)  # as above; a held velocity rises by 1e-4 m/s a sample, D_zdot makes 0.5 N of 10 N of it
+    expected = (100 * 0.1 + P.F_C + P.D_v * v) / P.A_A
+    difference = samples.balanced_measured - samples.static_measured - expected
+    assert np.abs(difference[inner]).max() * P.A_A < 0.6
 
 
 def test_errors_are_rms_against_the_measured_pressure_and_missing_samples_are_left_out():
@@ -103,15 +96,6 @@ def test_motion_is_derived_across_missing_samples_and_uneven_time():
     np.testing.assert_allclose(position[inner], 3e-3 + 0.04 * t[inner], atol=1e-9)
     np.testing.assert_allclose(velocity[inner], 0.04, atol=1e-9)
     np.testing.assert_allclose(acceleration[inner], 0.0, atol=1e-6)
-
-
-def test_along_a_simulated_motion_the_full_balance_is_the_simulated_pressure(study):
-    # Differencing smears a step of acceleration over two samples, so only the typical sample is compared: the central
-    # difference errs by h²/6 times the third derivative of velocity, 1e-6/6 * (0.2 m/s * (100 1/s)³) * M/A_A = 27 Pa.
-    case = study.cases[0]
-    samples = pressures(case.fit.actuator, case.verified)
-    difference = np.abs(samples.balanced_simulated - case.verified.simulated["pressure_a"])
-    assert np.median(difference) < 27.0
 
 
 def test_friction_and_acceleration_bring_the_pressure_nearer_to_the_measured_one(study):

@@ -67,7 +67,7 @@ def deflection_rate(v: Expr, z: Expr, K_z: Expr, F_C: Expr) -> Expr:
     >>> abs(deflection_rate(0.1, 2e-4, 1e6, 200)) < 1e-15
     True
     """
-    return v - K_z / F_C * sp.Abs(v) * z
+    return v - K_z / F_C * abs(v) * z
 
 
 def coulomb_force(p_A: Expr, p_B: Expr, F_C: Expr, c_F: Expr) -> Expr:

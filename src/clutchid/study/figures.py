@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,9 +58,9 @@ def simulated_figure(cases: Sequence[Case], name: str, words: str, unit: tuple[s
     if name in measured:
         draw(simulated, t, measured[name] / factor, Line(STYLE.measured, "measured", 3.0, opacity=0.6))
     for case in chosen(cases, "ballistic", "parts"):
-        draw(simulated, t, case.fitted.simulated[name] / factor, case_line(case))
+        draw(simulated, t, case.fitted.simulated[name] / factor, line_of(case.method.number))
         for axis, run in zip(errors, (case.fitted, case.ballistic), strict=False):
-            draw(axis, t, (run.simulated[name] - measured[name]) / factor, case_line(case))
+            draw(axis, t, (run.simulated[name] - measured[name]) / factor, line_of(case.method.number))
     label(simulated, y=f"{words} [{symbol}]")
     for axis, what in zip(errors, ("fitted simulation", "ballistic run"), strict=False):
         axis.axhline(0.0, color=STYLE.measured, linewidth=0.7)
@@ -70,9 +71,8 @@ def simulated_figure(cases: Sequence[Case], name: str, words: str, unit: tuple[s
     return figure
 
 
-def case_line(case: Case) -> Line:
-    """Line style of a case: ballistic thick and black, N from dark to light."""
-    number = case.method.number
+def line_of(number: int | None) -> Line:
+    """Line style of a method by its N: ballistic thick and black, N from dark to light."""
     return _BALLISTIC if number is None else Line(_NUMBER[number], f"N = {number}", 1.1)
 
 
@@ -82,11 +82,15 @@ def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
     actuator = cases[0].fit.actuator
     static = static_estimate(log, actuator, SLOW_SPEED)
     y = np.linspace(0.0, actuator.parameters.y_max, 401)
+    printed = [
+        (replace(line_of(n), width=1.2, dash=(0, (5, 2))), Load(theta, phi2_slope=PRINTED_SLOPE))
+        for n, theta in TABLE_1.items()
+    ]
     panels = [
         ("(a) N equal parts, p carried", _loads(chosen(cases, "ballistic", "parts"))),
         ("(b) every N samples, p carried", _loads(chosen(cases, "ballistic", "every"))),
         ("(c) every N samples, q carried", _loads(chosen(cases, "ballistic", "every", carry="q"))),
-        ("(d) printed Table 1, slope 0.001", _printed_loads()),
+        ("(d) printed Table 1, slope 0.001", printed),
     ]
     for axis, (title, curves) in zip(axes, panels, strict=True):
         mark_span(axis, 5, 8)
@@ -105,15 +109,7 @@ def figure_5(cases: Sequence[Case], log: Log, truth: TrueLoad | None) -> Figure:
 
 
 def _loads(cases: Sequence[Case]) -> list[tuple[Line, Load]]:
-    return [(case_line(case), case.fit.actuator.load) for case in cases]
-
-
-def _printed_loads() -> list[tuple[Line, Load]]:
-    loads = []
-    for number, theta in TABLE_1.items():
-        colour, name = (STYLE.ink, "ballistic") if number is None else (_NUMBER[number], f"N = {number}")
-        loads.append((Line(colour, name, 1.2, (0, (5, 2))), Load(theta, phi2_slope=PRINTED_SLOPE)))
-    return loads
+    return [(line_of(case.method.number), case.fit.actuator.load) for case in cases]
 
 
 def _load_background(axis: Axes, static: tuple[FloatArray, FloatArray], truth: TrueLoad | None) -> None:

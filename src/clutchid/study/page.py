@@ -132,7 +132,7 @@ def _facts(study: StudyResults) -> dict[str, Any]:
         "highest": max(rows, key=lambda case: case.verified.errors.position_rms),
         "best_position": min(rows, key=lambda case: case.ballistic.errors.position_sse),
         "best_pressure": min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0, default=None),
-        "ratios": {n: _ratios(study, n) for n in (2, 32)}, "reproducing": _reproducing(study),
+        "reproducing": _reproducing(study),
         "spread": partial(_spread, study), "load_error": lambda case: study.truth and load_error(case, study.truth),
         "covered": lambda: _covered(study), "best_possible": best_possible, "length": _length,
         "MM": MM, "BAR": BAR, "SLOW": SLOW_SPEED, "CLOSE": CLOSE,
@@ -148,16 +148,6 @@ def _spread(study: StudyResults, reading: Interpretation, carry: Carry) -> str:
 
 def _length(log: Log) -> str:
     return f"{log.time[-1] - log.time[0]:.1f} s, {len(log)} samples"
-
-
-def _ratios(study: StudyResults, n: int) -> dict[str, float]:
-    """Sums of squared position errors over those of ballistic runs: the paper's, and by both interpretations of N."""
-    base = study.case(BALLISTIC).ballistic.errors.position_sse
-    readings: tuple[Interpretation, ...] = ("parts", "every")
-    ratios: dict[str, float] = {
-        way: study.case(PaperMethod(way, n)).ballistic.errors.position_sse / base for way in readings
-    }
-    return {"printed": TABLE_2[n][0] / TABLE_2[None][0], **ratios}
 
 
 def _reproducing(study: StudyResults) -> str:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
+from clutchid.model.friction import deflection_rate, friction_force
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
 
 #: Time in s over which velocity and acceleration are computed from the measured position.
@@ -22,7 +21,8 @@ class Pressures:
     """Pressure in chamber A in Pa over a recording, by four methods, and the measured one if available.
 
     `static` is Eq. (26), `balanced` Eq. (1) solved for p_A with friction and acceleration; each along the simulated
-    motion, and along the measured position with velocity and acceleration derived from it.
+    motion, where the balance is the simulated pressure, and along the measured position with velocity and acceleration
+    derived from it.
     """
 
     static_simulated: FloatArray
@@ -44,22 +44,14 @@ def pressures(actuator: Actuator, recording: Recording) -> Pressures:
     """Eq. (26) and the full balance for a recording that was simulated with `actuator`."""
     simulated, measured = recording.simulated, recording.measured
     p, force = actuator.parameters, actuator.load.force
-    y, v, z = (simulated[name] for name in ("position", "velocity", "deflection"))
-    text = _texts(actuator.model)
-    numbers = actuator.array()
-    a = np.gradient(v, simulated.time)
-    friction = text["f_f"](v, z, text["z_dot"](v, z, numbers), numbers)
-    stop = text["f_s"](y, v, numbers)
-    y_m, v_m, a_m = measured_motion(measured)
-    friction_m = text["f_f"](v_m, *_deflection(text["z_dot"], v_m, measured.time, numbers), numbers)
-    common = (p.A_A, p.A_B, p.P_0, p.M)
+    y, v, acceleration = measured_motion(measured)
+    z = _deflection(v, measured.time, p.K_z, p.F_C)
+    friction = friction_force(v, z, deflection_rate(v, z, p.K_z, p.F_C), p.D_v, p.K_z, p.D_zdot)
+    balance = (acceleration, simulated["pressure_b"], force(y), friction, 0.0, p.A_A, p.A_B, p.P_0, p.M)
     return Pressures(
-        static_pressure(force(y), p.P_0, p.A_A),
-        balanced_pressure(a, simulated["pressure_b"], force(y), friction, stop, *common),
-        static_pressure(force(y_m), p.P_0, p.A_A),
-        balanced_pressure(a_m, simulated["pressure_b"], force(y_m), friction_m, 0.0, *common),
-        measured.columns.get("pressure_a"),
-    )
+        static_pressure(force(simulated["position"]), p.P_0, p.A_A), simulated["pressure_a"],
+        static_pressure(force(y), p.P_0, p.A_A), balanced_pressure(*balance), measured.columns.get("pressure_a"),
+    )  # fmt: skip
 
 
 def static_estimate(log: Log, actuator: Actuator, slow: float) -> tuple[FloatArray, FloatArray]:
@@ -97,33 +89,12 @@ def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
     return y, v, a
 
 
-def _deflection(
-    rate: Callable[..., FloatArray], v: FloatArray, time: FloatArray, numbers: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Seal deflection and its rate along a known velocity; exact for piecewise constant v."""
-    offset = rate(v, np.zeros_like(v), numbers)
-    slope = rate(v, np.ones_like(v), numbers) - offset
-    dt = np.diff(time, append=time[-1])
-    decay = np.exp(slope * dt)
-    gain = np.where(slope == 0.0, dt, np.expm1(slope * dt) / np.where(slope == 0.0, 1.0, slope)) * offset
+def _deflection(v: FloatArray, time: FloatArray, K_z: float, F_C: float) -> FloatArray:
+    """Seal deflection by Eq. (3) along a known velocity; exact for piecewise constant v."""
+    dt, rate = np.diff(time), v - deflection_rate(v, 1.0, K_z, F_C)  # z_dot = v - rate z
+    decay = np.exp(-rate[:-1] * dt)
+    gain = v[:-1] * np.where(rate[:-1] > 0.0, (1.0 - decay) / np.maximum(rate[:-1], 1e-12), dt)
     z = np.zeros_like(v)
-    for k in range(v.size - 1):
+    for k in range(dt.size):
         z[k + 1] = decay[k] * z[k] + gain[k]
-    return z, offset + slope * z
-
-
-@cache
-def _texts(model: str) -> dict[str, Callable[..., FloatArray]]:
-    """Friction, deflection rate and stop force from the equations of the model, for arrays."""
-    import sympy as sp
-
-    from clutchid.model.compiled import system as equations
-
-    system = equations(model)
-    text = {str(symbol): expression for symbol, expression in system.definitions}
-    y, v, _, _, z = system.states
-    z_dot = sp.Symbol("z_dot", real=True)
-    arguments = {"z_dot": (v, z), "f_f": (v, z, z_dot), "f_s": (y, v)}
-    return {
-        name: sp.lambdify([*states, list(system.parameters)], text[name], "numpy") for name, states in arguments.items()
-    }
+    return z

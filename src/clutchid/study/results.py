@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,7 @@ class Case:
     verified: Recording
 
 
-@dataclass(frozen=True, slots=True)
-class LoadError:
+class LoadError(NamedTuple):
     """Rms error of a load in N: over all positions of the true load, and where the clutch engages, 5 to 8 mm."""
 
     everywhere: float

@@ -6,6 +6,7 @@ Keys of the tables are the paper's N; None is the ballistic row.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from types import MappingProxyType
 
 from clutchid.documents.style import BAR, MM
@@ -69,14 +70,11 @@ def computed(phi2_slope: float) -> dict[str, float]:
 
 def printed() -> dict[str, tuple[float | None, str]]:
     """Printed value and its position in the paper, by the name of the coefficient."""
-    places: dict[str, tuple[float | None, str]] = {
-        name: (value, f"ξ₁, {place + 1} of 3") for place, (name, value) in enumerate(zip(_NAMES[:3], XI_1, strict=True))
-    }
-    places |= {"a_2": (XI_2[0], "ξ₂, 1 of 3"), "b_2": (None, "lost, see below")}
-    places |= {"c_2": (XI_2[1], "ξ₂, 2 of 3, see below"), "d_2": (XI_2[2], "ξ₂, 3 of 3")}
-    for place, (name, value) in enumerate(zip(XI_3_ORDER, XI_3, strict=True)):
-        places[name] = value, f"ξ₃, {place + 1} of 8"
-    return places
+    names = (*_NAMES[:4], "c_2", "d_2", *XI_3_ORDER)
+    vectors = (("ξ₁", XI_1), ("ξ₂", XI_2), ("ξ₃", XI_3))
+    entries = [(value, f"{xi}, {i} of {len(all_)}") for xi, all_ in vectors for i, value in enumerate(all_, 1)]
+    page = dict(zip(names, entries, strict=True))
+    return {**page, "b_2": (None, "lost, see below"), "c_2": (XI_2[1], f"{page['c_2'][1]}, see below")}
 
 
 def equation_21() -> ReportTable:
@@ -124,21 +122,17 @@ _WAYS = (
 
 def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
     """Table 1: estimated weights with standard errors, and the printed ones."""
+    names = ("theta_1", "theta_2", "theta_3")
     columns = [Column("method", "method")]
-    for i in (1, 2, 3):
-        group = f"θ{'₁₂₃'[i - 1]} [10⁵ N/m]"
-        columns += [
-            Column(f"theta_{i} [N/m]", "estimate", _WEIGHT, 4, group=group),
-            Column(f"theta_{i}_std [N/m]", "standard\nerror", _WEIGHT, 4, group=group),
-            Column(f"theta_{i}_printed [N/m]", "printed", _WEIGHT, 4, group=group),
-        ]
-    rows = []
+    for i, name in enumerate(names):
+        for kind, heading in (("", "estimate"), ("_std", "standard\nerror"), ("_printed", "printed")):
+            group = f"θ{'₁₂₃'[i]} [10⁵ N/m]"
+            columns.append(Column(f"{name}{kind} [N/m]", heading, _WEIGHT, 4, group=group))
+    rows: list[tuple[Cell, ...]] = []
     for case in table_rows(cases, carry):
-        estimates, page = case.fit.parameters, TABLE_1[case.method.number]
-        row: list[Cell] = [case.method.label]
-        for i, name in enumerate(("theta_1", "theta_2", "theta_3")):
-            row += [estimates[name].value, estimates[name].std, page[i]]
-        rows.append(tuple(row))
+        estimates = [case.fit.parameters[name] for name in names]
+        cells = [(e.value, e.std, page) for e, page in zip(estimates, TABLE_1[case.method.number], strict=True)]
+        rows.append((case.method.label, *chain.from_iterable(cells)))
     note = (
         "Estimates belong to the basis of the stated conditions (slope 1 of φ₂ at t₃), printed weights to the basis "
         "as published (slope 0.001) and to another truck. The printed N is given for both interpretations, "
@@ -216,8 +210,8 @@ def pressure_errors(cases: Sequence[Case]) -> ReportTable:
         both = [pressures(case.fit.actuator, run) for run in (case.ballistic, case.verified)]
         rows.append((case.method.label, *(samples.rms(name) for samples in both for name, *_ in _WAYS)))
     note = (
-        "Relative to the measured pressure. Simulated motion: states of the ballistic run; the full balance reproduces "
-        "the simulated pressure, up to the numerical derivative of the velocity. Measured motion: position as "
+        "Relative to the measured pressure. Simulated motion: states of the ballistic run, where the full "
+        "balance is the simulated pressure. Measured motion: position as "
         "measured, velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the "
         "simulation. The pressures are carried across a reset."
     )
