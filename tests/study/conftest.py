@@ -22,5 +22,7 @@ def heard() -> list[tuple[str, float]]:
 
 @pytest.fixture(scope="session")
 def study(logs, heard, tmp_path_factory) -> PaperStudy:
-    """The study of the two halves."""
-    return paper_study(*logs, tmp_path_factory.mktemp("study") / "new" / "out", lambda *told: heard.append(told))
+    """The study of the two halves, with the paper as printed."""
+    return paper_study(
+        *logs, tmp_path_factory.mktemp("study") / "new" / "out", lambda *told: heard.append(told), literal=True
+    )

@@ -13,6 +13,7 @@ from clutchid.study import output as paper
 from clutchid.study import paper_study
 from clutchid.study.bundled import true_load
 from clutchid.study.figures import FIGURES, figure_5
+from clutchid.study.literal import LITERAL_TABLES
 from clutchid.study.results import StudyResults
 from clutchid.study.tables import TABLES, equation_21
 from fixtures.figures import legends_on_the_engaging_range
@@ -29,10 +30,8 @@ def test_the_folder_holds_the_page_seven_figures_and_a_csv_for_every_table(study
     names = {path.name for path in study.page.parent.iterdir()}
     assert names == {"index.html", *(f"figure_{n}.png" for n in range(2, 9)), *(f"{stem}.csv" for stem in study.tables)}
     assert names == {path.name for path in study.files}
-    assert set(study.tables) == set(TABLES)
+    assert set(study.tables) == {*TABLES, *LITERAL_TABLES}
     assert tuple(range(2, 9)) == tuple(FIGURES)
-    stems = {"equation_21", "table_1", "table_1_carry_q", "table_2", "table_2_carry_q", "verification"}
-    assert stems < set(study.tables)
 
 
 def test_every_csv_file_is_its_table(study):
@@ -81,16 +80,24 @@ def test_intervals_on_the_page_are_95_percent_and_the_table_has_standard_errors(
 
 
 def test_the_page_lists_every_deviation(html):
-    (section,) = re.findall(r"Deviations from the printed equations</h2>(.*?)</section>", html, re.DOTALL)
-    heads = re.findall(r"<li><b>(.*?)</b>", section)
-    assert len(heads) == section.count("<li>") == 18
-    assert {"Eq. (5), chamber B.", "Exhaust valve.", "Meaning of N.", "Reset.", "Table 2.", "Solver."} <= set(heads)
+    changed = re.findall(r"<h2>(?:Changes to|Other deviations from) the paper</h2>(.*?)</section>", html, re.DOTALL)
+    heads = re.findall(r"<li><b>(.*?)</b>", " ".join(changed))
+    assert len(heads) == 17
+    assert {"Chamber B.", "Exhaust valve.", "N and resets.", "End stops.", "Table 2.", "Solver."} <= set(heads)
+
+
+def test_the_page_begins_with_the_key_deviations_and_links_to_the_others_and_to_the_paper_as_printed(html):
+    first = html.split("<section id=")[1]
+    assert "<h2>Changes to the paper</h2>" in first
+    headings = dict(re.findall(r'<section id="(\w+)">\s*<h2>(.*?)</h2>', html))
+    links = [headings[name] for name in re.findall(r'href="#(\w+)"', first)]
+    assert links == ["Other deviations from the paper", "The paper as printed"]
 
 
 def test_the_page_says_that_the_data_are_simulated_and_how_to_repeat_it(study, html, logs):
     assert "simulated, not measured" in html
     assert '<p class="subtitle">A simulated recording of a virtual truck, ' in html
-    assert f"clutchid paper --out {study.page.parent}" in html
+    assert f"clutchid paper --literal --out {study.page.parent}" in html
     assert logs[0].metadata["sha256"] in html
 
 
@@ -114,6 +121,7 @@ def test_a_study_without_pressure_and_without_a_known_load_is_whole(blank, drive
     assert set(study.tables["pressure_errors"].column("second_balanced_measured")) == {None}
     assert "load_rms" not in to_csv(study.tables["verification"])
     assert "clutchid paper --fit" in html
+    assert "as printed</h2>" not in html
     # The data were made by the model itself: the ballistic fit finds the weights that made them.
     assert study.cases[0].fit.parameters["theta_1"].value == pytest.approx(9e5, rel=1e-5)
 
@@ -148,7 +156,7 @@ def test_a_study_that_cannot_write_its_last_file_leaves_nothing_in_a_new_folder(
     monkeypatch.setattr(paper, "TABLES", dict.fromkeys(TABLES, lambda study: equation_21()))
     monkeypatch.setattr(paper, "FIGURES", dict.fromkeys(FIGURES, lambda study: None))
     monkeypatch.setattr(paper, "png", lambda figure: b"picture")
-    monkeypatch.setattr(paper, "study_page", lambda study, tables, figures, command: None)
+    monkeypatch.setattr(paper, "study_page", lambda study, tables, figures, command, names: None)
     monkeypatch.setattr(paper, "page_of", lambda page: "page")
     monkeypatch.setattr(paper, "write_bytes", full)
     with pytest.raises(ExportError, match="no space left"):

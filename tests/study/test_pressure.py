@@ -6,7 +6,6 @@ import pytest
 from clutchid.estimation.result import Recording, errors_over
 from clutchid.log import Log
 from clutchid.model import Actuator, Load
-from clutchid.model.static import static_load, static_pressure
 from clutchid.study.pressure import measured_motion, pressures, static_estimate
 
 pytestmark = pytest.mark.slow
@@ -60,12 +59,6 @@ def test_errors_are_rms_against_the_measured_pressure_and_missing_samples_are_le
     pressure[::3] = np.nan
     assert pressures(ACTUATOR, moving(still, 0 * T, 0 * T, pressure)).rms("static_simulated") == pytest.approx(1e4)
     assert pressures(ACTUATOR, moving(still, 0 * T, 0 * T)).rms("static_simulated") is None
-
-
-def test_equations_25_and_26_are_inverse_to_each_other():
-    f_l = np.linspace(0, 6000, 7)
-    back = static_load(static_pressure(f_l, P.P_0, P.A_A), P.P_0, P.A_A)
-    np.testing.assert_allclose(back, f_l, rtol=1e-12, atol=1e-9)
 
 
 @pytest.mark.parametrize("speed", [0.1, -0.1])

@@ -11,9 +11,6 @@ from clutchid.documents.console import put
 from clutchid.errors import ParameterError
 from clutchid.verbs.options import USUAL_FILES
 
-#: Printed before the study, which is silent where standard error is no terminal.
-STARTED = "Repeating the fits, tables and figures of the paper: one to five minutes, depending on the machine."
-
 
 @guarded
 def paper(
@@ -22,6 +19,7 @@ def paper(
     fit: Annotated[Path | None, FILES] = None,
     verify: Annotated[Path | None, FILES] = None,
     files: FileOptions = USUAL_FILES,
+    literal: OutputFlag = False,
     debug: OutputFlag = False,
 ) -> int:
     """Repeat the study of the paper as one HTML page: Eq. (21), Tables 1 and 2, Figures 2 to 8, verification.
@@ -34,6 +32,8 @@ def paper(
         Recording to fit; by default the bundled recording, first half for the fit, second half for verification.
     verify
         Recording for verification.
+    literal
+        Add the paper as printed: what runs, with its effects, and what cannot run, with how it fails.
     debug
         Show the traceback of an error.
     """
@@ -42,8 +42,8 @@ def paper(
     if (fit is None) != (verify is None):
         raise ParameterError("--fit and --verify: give both recordings, or neither.")
     fitted, verified = halves() if fit is None or verify is None else files.reading([fit, verify]).read()
-    put(STARTED, to=sys.stderr)
+    put("Repeating the fits, tables and figures of the paper, within five minutes.", to=sys.stderr)
     with progress_bar("paper") as show:
-        paper_study(fitted, verified, out, progress=show)
+        paper_study(fitted, verified, out, show, literal=literal)
     put(f"The page: {(out / 'index.html').resolve()}")
     return DONE

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.resources import as_file, files
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +22,7 @@ _TRUTH = "true_load"
 _REST = 15_096
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrueLoad:
+class TrueLoad(NamedTuple):
     """True load in N over the position in m of a simulated recording."""
 
     position: FloatArray

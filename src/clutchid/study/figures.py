@@ -39,10 +39,8 @@ def figure_2() -> Figure:
     draw(axis, y / MM, stated[:, 2], Line(STYLE.red, "φ₃", 2.0))
     for number, knot in enumerate([*Load().knots, 0.021]):
         axis.axvline(knot / MM, color=STYLE.measured, linewidth=0.8, linestyle=":")
-        axis.annotate(
-            f"t{'₁₂₃₄₅'[number]}", (knot / MM, 1.0), xycoords=("data", "axes fraction"), ha="center", va="bottom",
-            fontsize=STYLE.font_size,
-        )  # fmt: skip
+        top, words = axis.get_xaxis_transform(), f"t{'₁₂₃₄₅'[number]}"
+        axis.text(knot / MM, 1.0, words, transform=top, ha="center", va="bottom", fontsize=STYLE.font_size)
     label(axis, "position [mm]", "basis function [mm]")
     axis.set_xlim(-0.3, 25)
     shared_legend(axis, 2)

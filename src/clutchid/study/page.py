@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -12,38 +13,22 @@ from clutchid.documents.document import Bullets, Chapter, Document, Markup, Noti
 from clutchid.documents.html import html_templates
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import ReportTable
-from clutchid.log import Log
-from clutchid.study.figures import CLOSE, FIGURES, SLOW_SPEED
+from clutchid.study.figures import CLOSE, SLOW_SPEED
+from clutchid.study.literal import LITERAL_TABLES
 from clutchid.study.pressure import pressures
-from clutchid.study.results import (
-    BALLISTIC,
-    PARTS_32,
-    Carry,
-    Interpretation,
-    PaperMethod,
-    StudyResults,
-    best_possible,
-    load_error,
-    table_rows,
-)
-from clutchid.study.tables import TABLE_2, TABLES
-
-#: Names of the files beside the page, in the order in which they are written.
-STUDY_FILES = (*(f"{stem}.csv" for stem in TABLES), *(f"figure_{number}.png" for number in FIGURES))
-
-_ALT = {
-    2: "The three basis functions over the position", 3: "Measured and simulated positions over time",
-    4: "Measured and simulated pressures over time", 5: "Estimated, printed and static clutch loads over the position",
-    6: "All states over time, ballistic estimate", 7: "All states over time, estimate from 32 parts",
-    8: "Pressure in chamber A from the load, over time",
-}  # fmt: skip
+from clutchid.study.results import BALLISTIC, PARTS_32, PaperMethod, StudyResults, best_possible, load_error, table_rows
+from clutchid.study.tables import TABLE_2
 
 
 def study_page(
-    study: StudyResults, made: Mapping[str, ReportTable], figures: Mapping[int, bytes], command: str
+    study: StudyResults,
+    made: Mapping[str, ReportTable],
+    figures: Mapping[int, bytes],
+    command: str,
+    names: Sequence[str],
 ) -> Document:
-    """The page of the study, not yet rendered, with the tables by file stem and the figures by number."""
-    prose = _template().make_module(_facts(study))
+    """The page, not yet rendered, with tables by file stem, figures by number, and names of the files beside it."""
+    prose = _template().make_module({**_facts(study), "made": made})
 
     def text(name: str, *values: Any) -> Text:
         return Text(_paragraph(getattr(prose, name)(*values)))
@@ -53,34 +38,31 @@ def study_page(
 
     def figure(number: int) -> Picture:
         caption = _paragraph(getattr(prose, f"figure_{number}")())
-        return Picture(figures[number], Markup(f"<b>Figure {number}.</b> {caption}"), _ALT[number])
+        described = re.sub(r"<.*?>", "", caption).split(". ")[0]
+        return Picture(figures[number], Markup(f"<b>Figure {number}.</b> {caption}"), described)
 
     warnings = dict.fromkeys([*study.case(BALLISTIC).fit.warnings, *study.verify_log.warnings])
+    literal = [block for stem in LITERAL_TABLES if stem in made for block in (made[stem], text(stem))]
     sections = (
+        Chapter("Changes to the paper", (bullets("key_deviations"),)),
         Chapter("Summary", (text("abstract"), bullets("findings"))),
         Chapter("Method", (text("data"), *map(Notice, warnings), text("method"), text("resets"))),
-        Chapter("Basis functions, Eq. (21)", (figure(2), made["equation_21"])),
-        Chapter("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], figure(5), text("table_1"))),
-        Chapter(
-            "Errors on the first recording, Table 2",
-            (made["table_2"], made["table_2_carry_q"], text("table_2"), figure(3), figure(4)),
-        ),
-        Chapter(
-            "Verification on the second recording",
-            (made["verification"], text("verification"), figure(6), figure(7)),
-        ),
-        Chapter("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"])),
+        Chapter("Basis functions, Eq. (21)", (figure(2), made["equation_21"], text("equation_21"))),
+        Chapter("Estimated load, Table 1", (made["table_1"], made["table_1_carry_q"], text("table_1"), figure(5))),
+        Chapter("Errors on the first recording, Table 2", (
+            made["table_2"], made["table_2_carry_q"], text("table_2"), figure(3), figure(4))),
+        Chapter("Verification on the second recording", (
+            made["verification"], text("verification"), figure(6), figure(7))),
+        Chapter("Pressure from the load, Eq. (26)", (figure(8), made["pressure_errors"], text("pressure_errors"))),
         Chapter("Why the results differ from the paper", (text("differences"),)),
-        Chapter("Deviations from the printed equations", (bullets("deviations"),)),
-        Chapter("Files", (text("files", STUDY_FILES),)),
-    )
+        Chapter("Other deviations from the paper", (bullets("deviations"),)),
+        *([Chapter("The paper as printed", tuple(literal))] if literal else []),
+        Chapter("Files", (text("files", names),)),
+    )  # fmt: skip
     return Document(
-        "Clutch load characteristics: the paper's study repeated",
-        _paragraph(prose.subtitle()),
-        sections=lambda: sections,
-        command=command,
-        sources=sources_of([study.fit_log, study.verify_log]),
-    )
+        "Clutch load characteristics: the paper's study repeated", _paragraph(prose.subtitle()), command=command,
+        sections=lambda: sections, sources=sources_of([study.fit_log, study.verify_log]),
+    )  # fmt: skip
 
 
 @cache
@@ -114,51 +96,36 @@ def _facts(study: StudyResults) -> dict[str, Any]:
     curve = fit.load_curve
     force = fit.actuator.load.force(curve.position)
     half = ((curve.high - curve.low) / 2)[(curve.position >= 5e-3) & (curve.position <= 8e-3)]
-    weights = ", ".join(f"{e.value / 1e5:.3f} ± {e.half / 1e5:.3f}" for e in fit.parameters.values())
-    measured = [case for case in rows if case.ballistic.errors.pressure_a_sse is not None]
     return {
         "study": study, "ballistic": ballistic, "parted": parted,
         "second": pressures(fit.actuator, ballistic.verified),
         "second_parted": pressures(parted.fit.actuator, parted.verified),
         "every_p": study.case(PaperMethod("every", 2)), "every_q": study.case(PaperMethod("every", 2, "q")),
-        "worst_error": error[worst],
-        "worst_time": ballistic.fitted.measured.time[worst], "weights": weights.replace("-", "−"),
+        "worst_error": error[worst], "worst_time": ballistic.fitted.measured.time[worst],
+        "rows": rows, "reproducing": _reproducing(study),
         "peak_force": force.max(), "peak_position": curve.position[np.argmax(force)],
-        "pressure_b_low": np.nanmin(ballistic.verified.simulated["pressure_b"]),
-        "pressure_b_high": np.nanmax(ballistic.verified.simulated["pressure_b"]),
         "theta_3": fit.parameters["theta_3"], "half_band": half.max() if np.isfinite(half).all() else None,
-        "at_bound": sum(case.fit.parameters["theta_3"].value == 0.0 for case in study.cases),
-        "lowest": min(rows, key=lambda case: case.verified.errors.position_rms),
-        "highest": max(rows, key=lambda case: case.verified.errors.position_rms),
-        "best_position": min(rows, key=lambda case: case.ballistic.errors.position_sse),
-        "best_pressure": min(measured, key=lambda case: case.ballistic.errors.pressure_a_sse or 0.0, default=None),
-        "reproducing": _reproducing(study),
         "spread": partial(_spread, study), "load_error": lambda case: study.truth and load_error(case, study.truth),
-        "covered": lambda: _covered(study), "best_possible": best_possible, "length": _length,
-        "MM": MM, "BAR": BAR, "SLOW": SLOW_SPEED, "CLOSE": CLOSE,
+        "covered": lambda: _covered(study), "best_possible": best_possible,
+        "p": fit.actuator.parameters, "np": np, "MM": MM, "BAR": BAR, "SLOW": SLOW_SPEED, "CLOSE": CLOSE,
     }  # fmt: skip
 
 
-def _spread(study: StudyResults, reading: Interpretation, carry: Carry) -> str:
+def _spread(study: StudyResults, reading: str, carry: str) -> str:
     """The range of the loads at 8 mm by one interpretation of N."""
     cases = [case for case in study.cases if (case.method.interpretation, case.method.carry) == (reading, carry)]
     at_8 = [case.fit.actuator.load.force(np.array([8e-3]))[0] for case in cases]
     return f"{min(at_8):.0f} to {max(at_8):.0f} N"
 
 
-def _length(log: Log) -> str:
-    return f"{log.time[-1] - log.time[0]:.1f} s, {len(log)} samples"
-
-
 def _reproducing(study: StudyResults) -> str:
     """Interpretations of N for which the position errors of ballistic runs have the printed order."""
     page = sorted(TABLE_2, key=lambda n: TABLE_2[n][0])
-    names = {"parts": "N equal parts", "every": "every N samples"}
     same = []
-    for reading, words in names.items():
+    for reading, words in (("parts", "N equal parts"), ("every", "every N samples")):
         rows = [case for case in table_rows(study.cases, "p") if case.method.interpretation in ("ballistic", reading)]
-        if [case.method.number for case in sorted(rows, key=lambda case: case.ballistic.errors.position_sse)] == page:
-            same.append(words)
+        rows.sort(key=lambda case: case.ballistic.errors.position_sse)
+        same += [words] if [case.method.number for case in rows] == page else []
     return " and with ".join(same) or "neither"
 
 

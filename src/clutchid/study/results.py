@@ -12,6 +12,7 @@ from clutchid.estimation import Fit
 from clutchid.estimation.request import FitRequest
 from clutchid.estimation.result import Recording
 from clutchid.log import Log
+from clutchid.model.actuator import Actuator
 from clutchid.model.weighted_load import Load
 from clutchid.simulation import Partition
 from clutchid.study.bundled import TrueLoad, true_load
@@ -38,9 +39,8 @@ class PaperMethod:
     @property
     def partition(self) -> Partition | None:
         """The partition that `fit` and `simulate` take; None is ballistic."""
-        if self.interpretation == "parts":
-            return Partition(parts=self.number, carry=self.carry)
-        return Partition(every=self.number, carry=self.carry) if self.interpretation == "every" else None
+        n, parts = self.number, self.interpretation == "parts"
+        return Partition(every=None if parts else n, parts=n if parts else None, carry=self.carry) if n else None
 
     @property
     def label(self) -> str:
@@ -112,12 +112,13 @@ def find(fit_log: Log, verify_log: Log, progress: StudyProgress) -> StudyResults
     cases = []
     for number, method in enumerate(todo):
         progress(f"fit: {method.label}" + (", q carried" if method.carry == "q" else ""), 0.65 * number / len(todo))
-        cases.append(_case(method, fit_log, verify_log))
+        cases.append(case_of(method, fit_log, verify_log))
     return StudyResults(fit_log, verify_log, tuple(cases), true_load(fit_log))
 
 
-def _case(method: PaperMethod, fit_log: Log, verify_log: Log) -> Case:
-    result = fit(fit_log, request=FitRequest(partition=method.partition))
+def case_of(method: PaperMethod, fit_log: Log, verify_log: Log, start: Actuator | None = None) -> Case:
+    """Results of a method, with the equations and parameters of `start`; by default those of the study."""
+    result = fit(fit_log, start, FitRequest(partition=method.partition))
     fitted = _only(result)
     ballistic = fitted if method.partition is None else _only(fit(fit_log, result.actuator, free=()))
     return Case(method, result, fitted, ballistic, _only(fit(verify_log, result.actuator, free=())))
@@ -129,12 +130,9 @@ def _only(result: Fit) -> Recording:
 
 def chosen(cases: Sequence[Case], *interpretations: Interpretation, carry: Carry = "p") -> tuple[Case, ...]:
     """Cases of the given interpretations, in that order; the ballistic one belongs to both p and q."""
+    ways = {way: "p" if way == "ballistic" else carry for way in interpretations}
     return tuple(
-        case
-        for interpretation in interpretations
-        for case in cases
-        if case.method.interpretation == interpretation
-        and (interpretation == "ballistic" or case.method.carry == carry)
+        case for way in ways.items() for case in cases if (case.method.interpretation, case.method.carry) == way
     )
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
-from types import MappingProxyType
 
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable
@@ -18,28 +17,24 @@ from clutchid.study.pressure import pressures
 from clutchid.study.results import Carry, Case, StudyResults, load_error, table_rows
 
 #: Table 1, theta_1, theta_2, theta_3 in N/m; they belong to the basis with `PRINTED_SLOPE`.
-TABLE_1: Mapping[int | None, tuple[float, float, float]] = MappingProxyType(
-    {
-        None: (9.3850e5, -0.5817e5, 0.3909e5),
-        2: (8.4554e5, -0.1678e5, 0.0971e5),
-        4: (8.5581e5, -0.2233e5, 0.0),
-        8: (9.8251e5, -0.3468e5, 0.5386e5),
-        16: (8.9178e5, -0.3527e5, 0.0),
-        32: (8.8767e5, -0.5476e5, 0.0),
-    }
-)
+TABLE_1: Mapping[int | None, tuple[float, float, float]] = {
+    None: (9.3850e5, -0.5817e5, 0.3909e5),
+    2: (8.4554e5, -0.1678e5, 0.0971e5),
+    4: (8.5581e5, -0.2233e5, 0.0),
+    8: (9.8251e5, -0.3468e5, 0.5386e5),
+    16: (8.9178e5, -0.3527e5, 0.0),
+    32: (8.8767e5, -0.5476e5, 0.0),
+}
 
 #: Table 2, position error in m² and pressure error in Pa²; printed without a unit, as "average errors".
-TABLE_2: Mapping[int | None, tuple[float, float]] = MappingProxyType(
-    {
-        None: (0.2678e-4, 2.7602e12),
-        2: (8.8691e-4, 1.7203e12),
-        4: (8.7327e-4, 1.7330e12),
-        8: (3.3932e-4, 5.3149e12),
-        16: (2.5684e-4, 2.1805e12),
-        32: (4.1361e-3, 1.020e12),
-    }
-)
+TABLE_2: Mapping[int | None, tuple[float, float]] = {
+    None: (0.2678e-4, 2.7602e12),
+    2: (8.8691e-4, 1.7203e12),
+    4: (8.7327e-4, 1.7330e12),
+    8: (3.3932e-4, 5.3149e12),
+    16: (2.5684e-4, 2.1805e12),
+    32: (4.1361e-3, 1.020e12),
+}
 
 #: Slope of phi_2 at t_3 with which the printed xi_2 was computed; 1 by the stated conditions.
 PRINTED_SLOPE = 0.001
@@ -74,7 +69,7 @@ def printed() -> dict[str, tuple[float | None, str]]:
     vectors = (("ξ₁", XI_1), ("ξ₂", XI_2), ("ξ₃", XI_3))
     entries = [(value, f"{xi}, {i} of {len(all_)}") for xi, all_ in vectors for i, value in enumerate(all_, 1)]
     page = dict(zip(names, entries, strict=True))
-    return {**page, "b_2": (None, "lost, see below"), "c_2": (XI_2[1], f"{page['c_2'][1]}, see below")}
+    return {**page, "b_2": (None, "lost"), "c_2": (XI_2[1], f"{page['c_2'][1]}")}
 
 
 def equation_21() -> ReportTable:
@@ -94,13 +89,7 @@ def equation_21() -> ReportTable:
         Column("relative_difference", "relative\ndifference [10⁻⁶]", 1e-6, 0, group="printed in Eq. (21)"),
         Column("place", "position in the paper"),
     )  # fmt: skip
-    note = (
-        "The printed vectors follow from the slope 0.001, not from the stated slope 1; this affects ξ₂ only. ξ₂ is "
-        "printed with three entries instead of four: the second has the sign of b_2 and the power of ten of c_2, "
-        "so one of the two is lost. ξ₃ is printed in the order b, a, c, g, d, h, f, e. The last column is relative to "
-        "slope 0.001; the remaining differences are rounding errors in the paper."
-    )
-    return ReportTable("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7), note)
+    return ReportTable("Equation (21), coefficients of the basis functions", columns, tuple(rows), (3, 7))
 
 
 #: Display units: sums of squares in 10⁻⁴ m² and 10¹² Pa², weights in 10⁵ N/m, as in the paper.
@@ -111,13 +100,9 @@ _CARRIED = {
     "q": "the masses of air are carried across a reset",
 }
 
-#: Estimates of the pressure: attribute of `Pressures`, heading, motion.
-_WAYS = (
-    ("static_simulated", "Eq. (26)\n[bar]", "simulated motion"),
-    ("balanced_simulated", "full balance\n[bar]", "simulated motion"),
-    ("static_measured", "Eq. (26)\n[bar]", "measured motion"),
-    ("balanced_measured", "full balance\n[bar]", "measured motion"),
-)
+#: Estimates of the pressure: attributes of `Pressures`.
+_WAYS = ("static_simulated", "balanced_simulated", "static_measured", "balanced_measured")
+_HEADINGS = {"static": "Eq. (26)\n[bar]", "balanced": "full balance\n[bar]"}
 
 
 def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
@@ -133,13 +118,8 @@ def table_1(cases: Sequence[Case], carry: Carry) -> ReportTable:
         estimates = [case.fit.parameters[name] for name in names]
         cells = [(e.value, e.std, page) for e, page in zip(estimates, TABLE_1[case.method.number], strict=True)]
         rows.append((case.method.label, *chain.from_iterable(cells)))
-    note = (
-        "Estimates belong to the basis of the stated conditions (slope 1 of φ₂ at t₃), printed weights to the basis "
-        "as published (slope 0.001) and to another truck. The printed N is given for both interpretations, "
-        "because the paper describes both."
-    )
     title = f"Table 1. Estimated weights of the load; {_CARRIED[carry]}"
-    return ReportTable(title, tuple(columns), tuple(rows), (1, 6), note)
+    return ReportTable(title, tuple(columns), tuple(rows), (1, 6))
 
 
 def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
@@ -154,12 +134,7 @@ def table_2(cases: Sequence[Case], carry: Carry) -> ReportTable:
         (case.method.label, *_cells(case.fitted.errors), *_cells(case.ballistic.errors), *TABLE_2[case.method.number])
         for case in table_rows(cases, carry)
     )
-    note = (
-        "Only the ballistic columns compare methods: a partitioned simulation is reset to the measured position, so "
-        "its position error is small with frequent resets, whatever θ is. The printed values are sums of squares in m² "
-        "and Pa² of another recording of unknown length."
-    )
-    return ReportTable(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", columns, rows, (1, 6), note)
+    return ReportTable(f"Table 2. Errors on the first recording; {_CARRIED[carry]}", columns, rows, (1, 6))
 
 
 def _error_columns(prefix: str, group: str) -> tuple[Column, ...]:
@@ -193,29 +168,23 @@ def _verification(cases: Sequence[Case], truth: TrueLoad | None) -> ReportTable:
             cells = error.engaging, error.everywhere, error.everywhere / float(truth.force.max())
         carried = "–" if case.method.partition is None else case.method.carry
         rows.append((case.method.label, carried, *_cells(case.verified.errors), *cells))
-    note = "Only the initial position and pressure are estimated here, if the recording starts under pressure."
-    return ReportTable("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16), note)
+    return ReportTable("Verification on the second recording", tuple(columns), tuple(rows), (1, 6, 11, 16))
 
 
 def pressure_errors(cases: Sequence[Case]) -> ReportTable:
     """Rms errors of the pressure from the load, on both recordings."""
     columns = [Column("method", "method")]
     columns += [
-        Column(f"{which}_{name} [Pa]", heading, BAR, 3, group=f"{which} recording, {motion}")
+        Column(f"{which}_{name} [Pa]", _HEADINGS[way], BAR, 3, group=f"{which} recording, {motion} motion")
         for which in ("first", "second")
-        for name, heading, motion in _WAYS
+        for name in _WAYS
+        for way, motion in [name.split("_")]
     ]
     rows: list[tuple[Cell, ...]] = []
     for case in cases:
         both = [pressures(case.fit.actuator, run) for run in (case.ballistic, case.verified)]
-        rows.append((case.method.label, *(samples.rms(name) for samples in both for name, *_ in _WAYS)))
-    note = (
-        "Relative to the measured pressure. Simulated motion: states of the ballistic run, where the full "
-        "balance is the simulated pressure. Measured motion: position as "
-        "measured, velocity and acceleration derived from it, seal deflection by Eq. (3), chamber B from the "
-        "simulation. The pressures are carried across a reset."
-    )
-    return ReportTable("Pressure in chamber A from the load, rms errors", tuple(columns), tuple(rows), (1, 6), note)
+        rows.append((case.method.label, *(samples.rms(name) for samples in both for name in _WAYS)))
+    return ReportTable("Pressure in chamber A from the load, rms errors", tuple(columns), tuple(rows), (1, 6))
 
 
 #: Tables by file stem.
