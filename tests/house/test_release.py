@@ -59,6 +59,11 @@ def test_the_citation_is_that_of_the_print(shared):
     assert paper["title"] in print_
     names = [f"{author['given-names']} {author['family-names']}" for author in paper["authors"]]
     assert [name for name in names if name not in print_] == []
+    # no year and no proceedings in its head: none is added
+    assert re.search(r"\b(19|20)\d\d\b|[Pp]roceedings", print_.split("1. INTRODUCTION")[0]) is None
+    assert paper.keys() == {"type", "title", "authors"}
+    places = ("docs/cite.md", "src/clutchid/study/templates/prose.html.j2")
+    assert [place for place in places if "names neither proceedings nor year" not in text(place)] == []
 
 
 def test_every_extra_holds_something_and_all_holds_those_of_users():
