@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from clutchid.study.literal import failures
+from clutchid.model import Actuator
+from clutchid.study.literal import failures, readings
 
 pytestmark = pytest.mark.slow
 
@@ -41,3 +42,8 @@ def test_runs_with_printed_equations_fail_where_the_errata_say():
     assert p_A > 4 > 1.11 > p_0
     rate, stable = map(float, numbers["Eqs. (6) to (9)"])
     assert rate > stable
+
+
+def test_the_other_readings_have_the_values_of_the_errata():
+    values = [actuator.value(name) for (name, *_), actuator in readings(Actuator())[1:]]  # the first is that of phi_2
+    assert values == pytest.approx([9.038e-4, 0.528, 1.01325e5, 2000, 1.2008, 1.2976, 0.9999], rel=1e-4)
