@@ -20,23 +20,23 @@ weights = [problem.names.index(name) for name in load.names]
 grid = np.linspace(0.0, 0.022, 200)
 
 
+# load in N: force of the diaphragm [kN], its height over thickness, deflections [mm], rise of the cushion [mm]
 def law(p):
-    """Load in N: force of the diaphragm [kN], its height over thickness, deflections [mm], rise of the cushion [mm]."""
     force, height, first, scale, rise = p
     deflection = (first + 1e3 * grid) / scale
     diaphragm = deflection * ((height - deflection) * (height - deflection / 2) + 1)
     return 1e3 * force * diaphragm * (1 - np.exp(-1e3 * grid / rise))
 
 
+# the weights whose splines come closest to the law, as the problem has them
 def x_of(p):
-    """The weights whose splines come closest to the law, as the problem has them."""
     x, theta = problem.x.copy(), np.linalg.lstsq(load.phi(grid), law(p), rcond=None)[0]
     x[weights] += (theta - load.theta) / problem.slopes(x)[weights]
     return x
 
 
+# chain rule: exact derivatives to the weights, differences of the law alone
 def jacobian(p):
-    """Chain rule: exact derivatives to the weights, differences of the law alone."""
     return problem.jacobian(x_of(p)) @ approx_fprime(p, x_of, 1e-6)
 
 

@@ -42,11 +42,11 @@ def evaluated(
 
     def rate(states: Any, inputs: Any, parameters: Any) -> list[Any]:
         n = len(text.states)
-        known = [*(states[i] for i in range(n)), *(inputs[i] for i in range(len(text.inputs)))]
-        known += [*(parameters[i] for i in range(len(PARAMETERS))), load(states[place])]
+        values = [*(states[i] for i in range(n)), *(inputs[i] for i in range(len(text.inputs)))]
+        values += [*(parameters[i] for i in range(len(PARAMETERS))), load(states[place])]
         for step in steps[:count]:
-            known.append(step(*known))
-        return [step(*known) for step in steps[count:]]
+            values.append(step(*values))
+        return [step(*values) for step in steps[count:]]
 
     return rate
 
