@@ -34,8 +34,8 @@ DOCS = ROOT / "docs"
 NAVIGATION = {
     "Start": ["install", "first_hour", "recordings", "excitation", "result", "trouble", "glossary"],
     "Guides": [
-        "calibrate_read_compare", "from_matlab", "control_unit", "assumptions", "actuators", "own_models", "truck",
-        "fleet_recipes",
+        "calibrate_read_compare", "from_matlab", "from_canape", "control_unit", "assumptions", "actuators",
+        "own_models", "truck", "fleet_recipes",
     ],
     "Commands": ["commands/*"],
     "Python": ["python", "gallery/index", "api/index"],
