@@ -11,7 +11,7 @@ from clutchid.documents.comparison import comparison_sections
 from clutchid.documents.diagnosis import diagnosis_table, information_blocks, limit_blocks, residual_blocks, worst_first
 from clutchid.documents.document import Block, Chapter, Details, Picture, Text
 from clutchid.documents.fit_figures import recording_figure, reliable
-from clutchid.documents.identifiability import identifiability_blocks
+from clutchid.documents.identifiability import identifiability_blocks, starts_figure
 from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable, load_table, scientific
 from clutchid.estimation import Errors, Fit, Recording
@@ -137,7 +137,9 @@ def _errors(fit: Fit, basis: Evidence) -> tuple[Block, ...]:
     if "pressure_a" in fit.scales:
         scales.append(f"{fit.scales['pressure_a'] / BAR:.3g} bar for pressure")
     divided = Text(f"Residuals were divided by {' and '.join(scales) or 'nothing'}.")
-    return (error_table(fit), *([diagnosis_table(basis)] if basis.diagnoses else []), divided)
+    words = "Cost of every start of the search; hollow where it was only compared, and the search went on from another."
+    starts = [Picture(starts_figure(fit), words, "Cost of every start")] if len(fit.starts) > 1 else []
+    return (error_table(fit), *([diagnosis_table(basis)] if basis.diagnoses else []), divided, *starts)
 
 
 def _drawn(fit: Fit, basis: Evidence, recordings: Mapping[str, Recording], use: str) -> list[Chapter]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from clutchid.documents.document import Block, Bullets, Details, Picture
 from clutchid.documents.figures import label, new_figure
 from clutchid.documents.style import STYLE
@@ -76,6 +78,19 @@ def ranking_table(fit: Fit) -> ReportTable:
         "identifiable together."
     )
     return ReportTable("Ranking", columns, rows, note=note)
+
+
+def starts_figure(fit: Fit) -> Figure:
+    """Final cost of every start of a search, the lowest first; hollow where the search went on from another."""
+    figure, (axis,) = new_figure([1.9])
+    starts = sorted((start for start in fit.starts if start.cost < np.inf), key=lambda start: start.cost)
+    for place, start in enumerate(starts):
+        filled = STYLE.blue if start.status != "not searched" else "none"
+        axis.plot(place, start.cost, "o", color=STYLE.blue, markerfacecolor=filled)
+    axis.set_yscale("log")
+    axis.set_xticks(range(len(starts)), [start.name for start in starts])
+    label(axis, y="cost [1]")
+    return figure
 
 
 def profile_figure(name: str, curve: ProfileCurve, unit: str) -> Figure:

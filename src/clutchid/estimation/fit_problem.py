@@ -139,7 +139,7 @@ class FitProblem:
         return self._problem.actuator_of(self._checked(x), recording or self._problem.stems[0])
 
     def residuals(self, x: ArrayLike) -> FloatArray:
-        """Residuals (m,) in standard deviations; infinite where a recording cannot be simulated, so that a step shortens."""
+        """Residuals (m,) in standard deviations; infinite where nothing can be simulated, so that a step shortens."""
         rows = self._rows_at(self._checked(x).tobytes())
         if isinstance(rows, Failure):
             return np.full(len(self._all_rows(self.x)), np.inf)
