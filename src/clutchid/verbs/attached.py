@@ -153,7 +153,7 @@ def comparison_of(fit: Fit) -> Comparison | None:
 
 
 def problem_at_end(fit: Fit) -> FitProblem:
-    """The problem of a fit at its end, see `clutchid.estimation.fit_problem`."""
+    """The problem of a fit at its end, made anew each time, see `clutchid.estimation.fit_problem`."""
     from clutchid.estimation.fit_problem import problem_of_fit
 
     return problem_of_fit(fit)
