@@ -1,4 +1,4 @@
-"""A fleet as a document: what is due, replacements, alarms, types, odd vehicles, failures by reason, all vehicles."""
+"""A fleet as a document: what is due, replacements, alarms, types, failures by reason, all vehicles."""
 
 from __future__ import annotations
 
@@ -8,13 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.document import Block, Chapter, Document, LabelRow, Markup, Notice, Picture, Sortable, Text
+from clutchid.documents.document import Chapter, Document, LabelRow, Notice, Picture, Sortable
 from clutchid.documents.figures import label, new_figure
 from clutchid.documents.fleet_tables import (
-    MARKS,
-    ODD_AT_LEAST,
-    ODD_SCORE,
-    OddVehicle,
     ReplacementRow,
     Spans,
     VehicleRow,
@@ -24,8 +20,6 @@ from clutchid.documents.fleet_tables import (
     expected_due,
     has_reading,
     months_table,
-    odd_tables,
-    odd_vehicles,
     quantiles,
     quantity_of,
     reasons_table,
@@ -95,7 +89,7 @@ _REPLACEMENTS = (
 
 
 def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
-    vehicles, odd = fleet.vehicles, odd_vehicles(fleet.vehicles, spans)
+    vehicles = fleet.vehicles
     failures = reasons_table(fleet.reasons) if fleet.reasons else Notice("Every recording counts.", "good")
     sections = []
     if any(map(has_reading, vehicles)):
@@ -110,10 +104,9 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
     if any(map(has_reading, vehicles)):
         shared = (shared_table(fleet.types),) if fleet.types else ()
         sections.append(Chapter("Types", (*shared, types_table(vehicles, spans))))
-    sections.append(Chapter("Odd vehicles", _odd(odd)))
     sections.append(Chapter("Recordings that do not count", (failures,)))
     if vehicles:
-        sections.append(Chapter("All vehicles", (Sortable(all_table(vehicles, odd, spans)),)))
+        sections.append(Chapter("All vehicles", (Sortable(all_table(vehicles, spans)),)))
     return sections
 
 
@@ -142,20 +135,6 @@ def _spread(vehicles: Sequence[VehicleRow]) -> str:
     if len(vehicles) < 3:
         return f"Their {name} is {low} and {high} mm." if len(vehicles) == 2 else f"Its {name} is {median} mm."
     return f"The median {name} is {median} mm; {'all' if few else 'nine of ten'} are between {low} and {high} mm."
-
-
-def _odd(odd: Sequence[OddVehicle]) -> tuple[Block, ...]:
-    if all(entry.mark == "alarm" for entry in odd):
-        return (Notice("No vehicle stands out.", "good"),)
-    counts = Counter(vehicle.mark for vehicle in odd)
-    links = ", ".join(
-        f'<a href="#filter={mark.replace(" ", "+")}">{mark}</a> ({counts[mark]:,})' for mark in MARKS if counts[mark]
-    )
-    rule = (
-        f"A rate is fast or slow where its robust z score among at least {ODD_AT_LEAST} vehicles of the type, from "
-        f"their median and median absolute deviation, is beyond {ODD_SCORE}."
-    )
-    return Text(Markup(f"All of them, in the table of all vehicles: {links}. {rule}")), *odd_tables(odd)
 
 
 def _number(number: int, noun: str) -> str:

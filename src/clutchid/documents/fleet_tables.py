@@ -1,4 +1,4 @@
-"""Tables of a fleet: what is due, replacements, alarms, types, the odd, reasons for failures, and every vehicle."""
+"""Tables of a fleet: what is due, replacements, alarms, types, reasons for failures, and every vehicle."""
 
 from __future__ import annotations
 
@@ -190,95 +190,14 @@ def has_reading(vehicle: VehicleRow) -> bool:
     return bool(np.isfinite(vehicle.shift.value) or np.isfinite(vehicle.wear.value))
 
 
-#: A robust z score beyond this is odd. Iglewicz and Hoaglin, How to Detect and Handle Outliers, 1993: of normal rates
-#: one in 2000 is beyond.
-ODD_SCORE = 3.5
-
-#: Vehicles of a type from which their median and its deviation are taken: with fewer, the deviation itself is known to
-#: hardly better than half (guessed).
-ODD_AT_LEAST = 8
-
-#: Share of the recordings without a reading beyond which a vehicle is odd.
-_ODD_SHARE = 0.5
-
-#: The median absolute deviation of the normal distribution in its standard deviations.
-_MAD = 0.6745
-
-
-#: Marks of a vehicle that stands out, and their meanings.
-MARKS = {
-    "alarm": "a clutch replaced, a sudden change, a leak, a departure",
-    "fast": "wears faster than others of its type",
-    "slow": "wears more slowly than others of its type",
-    "few readings": "most recordings do not count",
-}
-
-
-class OddVehicle(NamedTuple):
-    """A vehicle that stands out by one of MARKS, the reason, and a score for sorting."""
-
-    vehicle: VehicleRow
-    mark: str
-    reason: str
-    score: float
-
-
-def odd_vehicles(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
-    """Odd vehicles by mark, the oddest first; a vehicle has a row for each of its marks.
-
-    A rate is odd where its robust z score among the vehicles of its type is beyond ODD_SCORE: from their median and
-    median absolute deviation, which the odd ones hardly change.
-    """
-    alarmed = [OddVehicle(row, "alarm", "", len(row.alarms)) for row in vehicles]
-    few = [OddVehicle(row, "few readings", _few(row), row.recordings - row.counted) for row in vehicles if _misses(row)]
-    rows = [*(odd for odd in alarmed if odd.score), *_odd_rates(vehicles, spans), *few]
-    marks = list(MARKS)
-    return sorted(rows, key=lambda odd: (marks.index(odd.mark), -abs(odd.score)))
-
-
-def _odd_rates(vehicles: Sequence[VehicleRow], spans: Spans) -> list[OddVehicle]:
-    groups: dict[tuple[str, str, bool], list[VehicleRow]] = defaultdict(list)
-    for vehicle in vehicles:
-        if np.isfinite(vehicle.rate):
-            groups[vehicle.type, vehicle.axis, bool(np.isfinite(vehicle.wear.value))].append(vehicle)
-    odd = []
-    for (type_, _, _), members in groups.items():
-        rates = np.array([rate_shown(vehicle, spans) for vehicle in members])
-        median = float(np.median(rates))
-        deviation = float(np.median(np.abs(rates - median)))
-        if len(members) < ODD_AT_LEAST or deviation == 0.0:
-            continue
-        scores = _MAD * (rates - median) / deviation
-        others = f"of the {len(members):,} vehicles {f'of type {printable(type_)}' if type_ else 'of no given type'}"
-        for vehicle, rate, score in zip(members, rates, scores, strict=True):
-            if abs(score) > ODD_SCORE:
-                reason = (
-                    f"{rate / MM:.3f} mm per {spans.rate_words}; the median {others} is {median / MM:.3f} mm; robust "
-                    f"z score {'+' if score > 0 else '−'}{abs(score):.1f}."
-                )
-                odd.append(OddVehicle(vehicle, "fast" if score > 0 else "slow", reason, float(score)))
-    return odd
-
-
-def _few(vehicle: VehicleRow) -> str:
-    words = ", ".join(
-        f"{number} {printable(status).replace('_', ' ')}" for status, number in vehicle.statuses.items() if number
-    )
-    return f"{vehicle.counted} of {vehicle.recordings} recordings count; by status: {words or 'not known'}."
-
-
-def _misses(vehicle: VehicleRow) -> bool:
-    return vehicle.recordings - vehicle.counted > _ODD_SHARE * vehicle.recordings
-
-
 def _sentence(words: str) -> str:
     return f"{capital(printable(words).rstrip('.'))}."
 
 
 _NBSP = "\N{NO-BREAK SPACE}"
 
-#: Rows of the tables of what is due, alarms, values of a tag, one kind of the odd, types and reasons, at most.
-_DUE, SHOWN_ALARMS, _VALUES, ODD, _TYPES, _REASONS = 20, 40, 30, 12, 30, 40
+#: Rows of the tables of what is due, alarms, values of a tag, types and reasons, at most.
+_DUE, SHOWN_ALARMS, _VALUES, _TYPES, _REASONS = 20, 40, 30, 30, 40
 
 #: Horizons that are shown: their places among the probabilities of a vehicle, and words.
 _HORIZONS = (
@@ -385,11 +304,8 @@ def alarms_table(vehicles: Sequence[VehicleRow]) -> ReportTable:
     return ReportTable(f"{len(alarms):,} alarms of {count:,} vehicles", columns, rows, note=more)
 
 
-def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: Spans) -> ReportTable:
+def all_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     """Every vehicle, by name."""
-    marks: dict[int, list[str]] = defaultdict(list)
-    for entry in odd:
-        marks[id(entry.vehicle)].append(entry.mark)
     entries: list[_Entry] = [
         *_NAMES,
         *_within(vehicles)[:1],
@@ -400,7 +316,6 @@ def all_table(vehicles: Sequence[VehicleRow], odd: Sequence[OddVehicle], spans: 
         *_lengths(vehicles),
         (Column("load [1]", "load\n[%]", 0.01, 1), lambda vehicle: vehicle.load.value),
         _rate(vehicles, spans),
-        (Column("odd", "odd"), lambda vehicle: ", ".join(marks[id(vehicle)])),
     ]
     return _table("All vehicles", sorted(vehicles, key=lambda vehicle: natural(vehicle.name)), entries, spans)
 
@@ -411,19 +326,6 @@ def _table(title: str, vehicles: Sequence[VehicleRow], entries: Sequence[_Entry]
     lives = ", ".join(f"{LIFE[axis]:,.0f} {axis}" for axis in spans.rate)
     note = f"Changes since the calibration. ∞: not within five lives; –: not known. A life is {lives}."
     return ReportTable(title, tuple(column for column, _ in entries), rows, note=note)
-
-
-def odd_tables(odd: Sequence[OddVehicle]) -> list[ReportTable]:
-    """The oddest vehicles and why, a table a mark; alarms have their own."""
-    columns = (Column("vehicle", "vehicle"), Column("type", "type"), Column("reason", "why"))
-    tables = []
-    for mark, meaning in [*MARKS.items()][1:]:
-        members = [entry for entry in odd if entry.mark == mark]
-        rows = tuple((_link(entry.vehicle), printable(entry.vehicle.type), entry.reason) for entry in members[:ODD])
-        number = f"{len(rows)} of {len(members):,}" if len(members) > ODD else f"{len(rows)}"
-        if rows:
-            tables.append(ReportTable(f"{capital(mark)}, {meaning}: {number}", columns, rows))
-    return tables
 
 
 def reasons_table(reasons: Sequence[ReasonCount]) -> ReportTable:
