@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from clutchid.measurements.columns import Heading, channel, without_numbers
-from clutchid.measurements.formats.mdf.numbers import convertible
+from clutchid.measurements.formats.mdf.numbers import convertible, has_formula
 from clutchid.measurements.formats.mdf.opening import version_of
 from clutchid.measurements.source import Raster, own_metadata
 from clutchid.messages import shortened
@@ -146,7 +146,9 @@ def _content(group: Any, index: int, version: int) -> str:
     counted = kind in _COUNTED
     is_number = counted or (kind in _STORED and item.data_type in numbers and 0 < item.bit_count <= 64)
     if not (is_number and convertible(item.conversion, version)):
-        return "text" if is_number or item.data_type in texts else "bytes"
+        with_formula = is_number and has_formula(item.conversion, version)
+        others = "text" if is_number or item.data_type in texts else "bytes"
+        return "raw values and a formula" if with_formula else others
     if counted:
         return _COUNT
     return _NUMBER if begin + item.bit_count <= 8 * group.channel_group.samples_byte_nr else "bytes beyond its record"
