@@ -14,7 +14,7 @@ INTERFACES = {
         "calibrate", "cut", "drive", "estimate", "export", "fit", "fleet", "friction", "look", "observe",
         "simulate", "track",
     ),
-    "the page's record of it, reached as `records.NAME`": ("Export", "Observation", "Recording", "Table"),
+    "the page's record of it, reached as `records.NAME`": ("Export", "Observation", "Recording"),
     "a program": ("app", "main"),
     "a command on saved loads, and the comparison of samples": ("compare",),
     "a format of files": ("open_file", "save"),

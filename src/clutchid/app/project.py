@@ -9,20 +9,20 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from clutchid.app.records import Observation, PageItem, Recording, Result, Table, content
+from clutchid.app.records import Observation, PageItem, Recording, Result, content
 from clutchid.documents.json_text import json_text
 from clutchid.errors import DataError
 from clutchid.files import write_text
 from clutchid.verbs.options import RequestText
 
 _FILE, _FORMAT = "board.json", 1
-_KINDS: dict[str, type[PageItem]] = {kind.__name__: kind for kind in (Recording, Result, Observation, Table)}
-_ID = re.compile(r"(recording|result|observation|table)-\d+")
+_KINDS: dict[str, type[PageItem]] = {kind.__name__: kind for kind in (Recording, Result, Observation)}
+_ID = re.compile(r"(recording|result|observation)-\d+")
 
 
 def kept(item: Any) -> dict[str, Any] | None:
-    """The part of a record that is kept: recordings and tables without content, others if they have ended."""
-    again = isinstance(item, Recording | Table)
+    """The part of a record that is kept: recordings without content, others if they have ended."""
+    again = isinstance(item, Recording)
     if not again and (not isinstance(item, Result | Observation) or item.status not in ("done", "failed")):
         return None
     left = {"look": None, "found": None, "status": "reading", "message": ""} if again else {}

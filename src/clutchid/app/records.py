@@ -99,22 +99,7 @@ class Observation:
     python: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A result of `track` or `fleet`, or one vehicle of it."""
-
-    id: str
-    name: str
-    path: Path
-    folder: str
-    vehicle: str | None = None
-    status: str = "waiting"
-    found: Json | None = None
-    message: str = ""
-    bad_input: bool = False
-
-
-PageItem = Recording | Result | Observation | Table
+PageItem = Recording | Result | Observation
 
 # tasks
 
@@ -184,13 +169,4 @@ class Export:
     folder: Path
 
 
-@dataclass(frozen=True, slots=True)
-class ReadTable:
-    """Read a result of `track` or `fleet`, or a vehicle of it, whose files lie below a folder."""
-
-    path: Path
-    below: Path
-    vehicle: str | None = None
-
-
-Task = Look | Cut | FitRecordings | ReadCalibration | Observe | Export | ReadTable
+Task = Look | Cut | FitRecordings | ReadCalibration | Observe | Export

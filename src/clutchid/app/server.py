@@ -27,7 +27,7 @@ from clutchid.app import uploads
 from clutchid.app.commands import METHOD_CHOICES, VERBS
 from clutchid.app.folder import end_folder, new_folder, opening_page, project_folder
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
-from clutchid.app.records import Observation, Recording, Result, Table
+from clutchid.app.records import Observation, Recording, Result
 from clutchid.app.session import Session
 from clutchid.documents.json_text import json_text
 from clutchid.errors import ClutchidError, DataError, ParameterError
@@ -81,10 +81,6 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/observations", _of(session, _observe), methods=["POST"]),
         Route("/api/observations/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/observations/{id}/plot", _of(session, partial(_plot, Observation))),
-        Route("/api/tables", _of(session, _upload_table), methods=["PUT"]),
-        Route("/api/tables", _of(session, _open_table), methods=["POST"]),
-        Route("/api/tables/{id}", _of(session, _forget), methods=["DELETE"]),
-        Route("/api/tables/{id}/vehicles", _of(session, _open_vehicle), methods=["POST"]),
         Route("/api/jobs/{id}", _of(session, _cancel), methods=["DELETE"]),
         Route("/api/results/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/results/{id}/plot", _of(session, partial(_plot, Result))),
@@ -144,8 +140,7 @@ async def _events(session: Session, request: Request) -> Response:
 
 
 async def _files(session: Session, request: Request) -> Response:
-    chosen = uploads.is_table if request.query_params.get("kind") == "tables" else uploads.is_opened
-    return JSONResponse(uploads.folder_listing(request.query_params.get("under", ""), session.below, chosen))
+    return JSONResponse(uploads.folder_listing(request.query_params.get("under", ""), session.below))
 
 
 async def _upload_recording(session: Session, request: Request) -> Response:
@@ -163,11 +158,11 @@ async def _upload_calibration(session: Session, request: Request) -> Response:
     return JSONResponse({"id": session.open_calibration(path, path.name, move=True)})
 
 
-async def _received(session: Session, request: Request, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
+async def _received(session: Session, request: Request) -> tuple[str, Path]:
     """The body of the request as a file with its id, without a second copy."""
     name = request.query_params.get("name", "")
     size = uploads.upload_size(name, request.headers.get("content-length"), session.folder)
-    id_, path = session.upload_path(name, kind, beside)
+    id_, path = session.upload_path(name)
     path.unlink(missing_ok=True)  # the same file once more
     await uploads.receive_upload(request.stream(), path, size)
     return id_, path
@@ -250,26 +245,6 @@ async def _observe(session: Session, request: Request) -> Response:
     body = await _body(request)
     recording, start, method = _texts(body, "recording", "start", "method")
     return JSONResponse({"id": session.observe(recording, start, method, force=bool(body.get("force")))})
-
-
-async def _upload_table(session: Session, request: Request) -> Response:
-    """A result of a track or a fleet; with `beside`, a further file of an earlier upload."""
-    beside = request.query_params.get("beside", "")
-    first = session.board.get(Table, beside)
-    if beside and first is None:
-        raise DataError("the file that it belongs to has been removed; send both again.")
-    id_, path = await _received(session, request, "table", beside)
-    return JSONResponse({"id": session.open_table(path if first is None else first.path, id_)})
-
-
-async def _open_table(session: Session, request: Request) -> Response:
-    (path,) = _texts(await _body(request), "path")
-    return JSONResponse({"id": session.open_table(uploads.allowed_path(path, session.below, ()))})
-
-
-async def _open_vehicle(session: Session, request: Request) -> Response:
-    (name,) = _texts(await _body(request), "vehicle")
-    return JSONResponse({"id": session.open_vehicle(request.path_params["id"], name)})
 
 
 async def _cancel(session: Session, request: Request) -> Response:

@@ -61,11 +61,9 @@ class Session:
             write_project(self.folder, self.board.kept_items())
 
     def resume(self) -> None:
-        """Begin to read the recordings and tables of a project again, and the files that were named."""
+        """Begin to read the recordings of a project again, and the files that were named."""
         for recording in self.board.all(records.Recording):
             self._look(recording, copied=False)
-        for table in self.board.all(records.Table):
-            self.open_table(table.path, table.id, table.vehicle)
         there = {item.path for item in self.board.all(records.Recording)}
         for path in self.named:
             if path not in there:
@@ -84,9 +82,9 @@ class Session:
         task = records.Look(file, self._columns(recording.id), recording.ambient, copied=copied)
         self.jobs.submit(f"{'check' if copied else 'open'} {recording.name}", "files", task, recording.id)
 
-    def upload_path(self, name: str, kind: str = "recording", beside: str = "") -> tuple[str, Path]:
-        """An id and a new file for an upload with this name, in a folder of its own or in that of another upload."""
-        id_ = beside or self._id(kind)
+    def upload_path(self, name: str) -> tuple[str, Path]:
+        """An id and a new file for an upload with this name, in a folder of its own."""
+        id_ = self._id("recording")
         path = self.folder / "uploads" / id_ / safe_name(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         return id_, path
@@ -229,37 +227,6 @@ class Session:
         name = self._name("observe", id_, [recording])
         run = records.Observation(id_, name, method, recording, start, command=command, python=python)
         return self._begin(name, "fits", run, task)
-
-    # results of track and fleet
-
-    def open_table(self, path: Path, id_: str | None = None, vehicle: str | None = None) -> str:
-        """Begin to read a result of a track or a fleet, or a vehicle of a fleet; the id of its table.
-
-        With an id that is there already it is read again, as when a file beside it has been sent. The other files of
-        the run are those beside it, if they lie below the folder that is open to the page.
-        """
-        uploads = self.folder / "uploads"
-        below = path.parent.resolve() if path.is_relative_to(uploads) else self.below
-        id_ = id_ or self._id("table")
-        self.jobs.cancel_about(id_)
-        table = records.Table(id_, printable(vehicle or path.name), path, printable(path.parent.name), vehicle)
-        return self._begin(f"open {table.name}", "files", table, records.ReadTable(path, below, vehicle))
-
-    def open_vehicle(self, id_: str, vehicle: str) -> str:
-        """Begin to read a vehicle of a fleet, unless it has been read; the id of its table.
-
-        Raises
-        ------
-        DataError
-            If the fleet, or a vehicle of this name, is not there.
-        """
-        fleet = self.board.get(records.Table, id_)
-        if fleet is None or not fleet.found or vehicle not in fleet.found.get("vehicles", {}).get("vehicle", ()):
-            raise DataError(f"{printable(vehicle)}: there is no such vehicle in this fleet.")
-        tables = self.board.all(records.Table)
-        same = (table for table in tables if (table.path, table.vehicle) == (fleet.path, vehicle))
-        there = next((table.id for table in same if table.status not in ("failed", "cancelled")), None)
-        return there or self.open_table(fleet.path, vehicle=vehicle)
 
     def export(self, id_: str, to: str, method: str) -> None:
         """Begin to export the observer of a calibration.

@@ -221,20 +221,6 @@ def observe(task: records.Observe, events: Events) -> dict[str, Any]:
     return {"columns": names, **observation_data(Observation(run, content.origin))}
 
 
-def open_table(task: records.ReadTable, events: Events) -> dict[str, Any]:
-    """The table of a fleet, or the trend and the loads of a vehicle, from the files of their commands.
-
-    Raises
-    ------
-    DataError
-        As `clutchid.fleets.opened.opened_results`.
-    """
-    from clutchid.fleets import opened  # half a second of imports, which other jobs need not wait for
-
-    events.progress("reading", None, "reading")
-    return opened.opened_results(task.path, task.below, task.vehicle)
-
-
 #: Columns of an observed recording that are plotted.
 _OBSERVED = (
     "position", "pressure_a", "pressure_a low", "pressure_a high", "pressure_a_measured [Pa]", "innovation",
@@ -250,5 +236,4 @@ TASKS: Mapping[type[records.Task], Callable[[Any, Events], dict[str, Any]]] = {
     records.ReadCalibration: check_calibration,
     records.Export: export,
     records.Observe: observe,
-    records.ReadTable: open_table,
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import AsyncGenerator, Callable, Iterable
+from collections.abc import AsyncGenerator, Iterable
 from contextlib import aclosing
 from pathlib import Path
 
@@ -141,13 +141,8 @@ def is_opened(name: str) -> bool:
     return bool(split_name(name)[1]) or Path(name).suffix.lower() in _BESIDE
 
 
-def is_table(name: str) -> bool:
-    """Whether a file has the name of a result of a track or a fleet."""
-    return Path(name).suffix.lower() == ".parquet"
-
-
-def folder_listing(text: str, below: Path, chosen: Callable[[str], bool] = is_opened) -> dict[str, object]:
-    """Folders, and files with a `chosen` name, in a folder below that of the page.
+def folder_listing(text: str, below: Path) -> dict[str, object]:
+    """Folders, and files that the page opens, in a folder below that of the page.
 
     `others` has the number of other files by suffix.
 
@@ -169,7 +164,7 @@ def folder_listing(text: str, below: Path, chosen: Callable[[str], bool] = is_op
             path = entry.relative_to(below).as_posix()
             if entry.is_dir():
                 folders.append({"name": entry.name, "path": path})
-            elif chosen(entry.name):
+            elif is_opened(entry.name):
                 files.append({"name": entry.name, "path": path, "size": entry.stat().st_size})
             else:
                 others.append(entry)

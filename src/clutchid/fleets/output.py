@@ -314,20 +314,6 @@ def _listed_type(row: TypeRow) -> dict[str, object]:
     return own | {name: value for name, value in numbers.items() if name in columns} | shares
 
 
-def type_of(columns: Mapping[str, Any]) -> TypeRow:
-    """A type from a row of its table."""
-
-    def band(name: str, factor: float = 1.0) -> Interval:
-        sides = (columns.get(f"{name}{side}") for side in SIDES)
-        return Interval(*(np.nan if side is None else factor * side for side in sides))
-
-    axis = columns["axis"]
-    return TypeRow(
-        columns["type"], columns["vehicles"], columns["is_learnt"], axis, band(f"rate_mm_per_{_AXES.get(axis)}", 1e-3),
-        band(f"{axis}_per_day"), band(f"{axis}_per_km"), columns["noise_share"], columns["walk_share"],
-    )  # fmt: skip
-
-
 def _replacement_schema() -> dict[str, Any]:
     """Columns of the table of replacements."""
     import polars as pl

@@ -4,10 +4,8 @@ import { jobBar } from "./jobs.js";
 import { loadStage } from "./load.js";
 import { onlineStage } from "./online.js";
 import { recordingStage, take } from "./recording.js";
-import { vehicleStage } from "./vehicle.js";
 
-const STAGES = { recording: ["Recording", recordingStage], load: ["Load", loadStage], online: ["On line", onlineStage],
-  vehicle: ["Vehicle and fleet", vehicleStage] };
+const STAGES = { recording: ["Recording", recordingStage], load: ["Load", loadStage], online: ["On line", onlineStage] };
 const main = document.getElementById("main");
 const bar = jobBar(document.getElementById("jobs"));
 let stage = null;
@@ -50,7 +48,6 @@ addEventListener("drop", (event) => {
   event.preventDefault();
   if (!event.dataTransfer.files.length || event.target.closest?.(".drop")) return;
   const files = [...event.dataTransfer.files];
-  if (stage?.take) { stage.take(files); return; }
   location.hash = "#recording";
   go("recording");
   take(files, () => stage.redrawAdd?.());

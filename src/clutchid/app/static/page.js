@@ -77,7 +77,7 @@ export async function points(path, grid, columns, begin, end, width) {
 }
 
 // The objects of the server, by kind and id, and who wants to know of changes.
-const objects = { recording: new Map(), result: new Map(), observation: new Map(), table: new Map(), job: new Map() };
+const objects = { recording: new Map(), result: new Map(), observation: new Map(), job: new Map() };
 const listeners = [];
 export const all = (kind) => [...objects[kind].values()];
 export const one = (kind, id) => objects[kind].get(id);
@@ -274,7 +274,7 @@ export function dropping(zone, take) {
 }
 
 async function list(box, under, redraw) {
-  try { box.listing = await ask(`/api/files?${new URLSearchParams({ under, kind: box.of })}`); box.refused = ""; }
+  try { box.listing = await ask(`/api/files?${new URLSearchParams({ under })}`); box.refused = ""; }
   catch (problem) { box.refused = problem.message; }
   redraw();
 }
