@@ -25,13 +25,15 @@ from prove import SECONDS, STROKES_A_METRE
 
 import clutchid
 from clutchid import fit
+from clutchid.codegen.kernels import kernels_in
+from clutchid.codegen.records import new_record
 from clutchid.estimation.parameter_file import ParameterFile
 from clutchid.log import INPUTS, FloatArray, Log
 from clutchid.numerics.interval import QUANTILE
 from clutchid.observer.configuration import observer, start
 from clutchid.observer.following import observe
 from clutchid.observer.methods import METHODS
-from clutchid.strokes.stroke import count_strokes
+from clutchid.strokes.stroke import RESOLUTION, Stroke
 from clutchid.truck import GRID, Drive, Vehicle, drive, truck
 
 #: Wear of the facing in m.
@@ -182,12 +184,19 @@ def calibrated(
     return clutchid.parameter_file(once)
 
 
+def _stroke_ends(time: FloatArray, position: FloatArray) -> list[int]:
+    """The numbers of the samples at which strokes end."""
+    rule, stroke = kernels_in("clutchid.strokes.stroke_rule"), new_record(Stroke)
+    steps = np.round(np.diff(time, prepend=time[:1]) / RESOLUTION).astype(np.int64).tolist()
+    return [i for i, (y, dt) in enumerate(zip(position, steps, strict=True)) if rule.count_stroke(stroke, y, dt)]
+
+
 def followed(calibrated: ParameterFile, worn: Drive, log: Log, method: str, passes: int) -> Row:
     """Errors of a method on a recording, the last of `passes` passes for pressure and the end."""
     actuator = calibrated.actuator
     follower = observer(actuator, method, calibration=calibrated.calibration)
     state, truth = start(follower), worn.truth.load(GRID)
-    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), count_strokes(worn.log.time, worn.log["position"])
+    touch, ends = (GRID >= 5e-3) & (GRID <= 8e-3), _stroke_ends(worn.log.time, worn.log["position"])
 
     def error() -> float:
         off = 100 * (follower.load(state).force(GRID) - truth) / truth.max()

@@ -18,8 +18,9 @@ from clutchid.observer.configuration import DRIFT
 from clutchid.observer.flags import ZERO_UNKNOWN
 from clutchid.observer.following import observe_strokes
 from clutchid.strokes.rule import VALUE
-from clutchid.strokes.stroke import BEGINS, ENDS, SHORTEST, count_strokes
+from clutchid.strokes.stroke import BEGINS, ENDS, SHORTEST
 from fixtures.export_c import replay, write_sources
+from fixtures.strokes import stroke_ends
 
 pytestmark = pytest.mark.slow
 
@@ -80,7 +81,7 @@ def test_count_observer_drift_and_c_have_the_same_strokes(learning, in_c, moveme
     log = recorded(moved(parts))
     after, samples, at_ends = observe_strokes(learning, start(learning), log)
     position = np.where((samples.verdicts == VALUE) & ~samples.flagged(ZERO_UNKNOWN), log["position"], np.nan)
-    ends = count_strokes(log.time, position)
+    ends = stroke_ends(log.time, position)
     assert after.strokes == len(ends)
     assert [end.latest for end in at_ends] == log.time[ends].tolist()
     covariance = start(learning).T @ start(learning).T.T
@@ -98,7 +99,7 @@ def unseen(plant, recorded_by):
     log = recorded_by(plant, driven=1)
     begins = int(np.argmax(log["position"] > BEGINS)) - 20
     seen = log.with_columns(position=np.where(np.arange(len(log)) < begins, log["position"], np.nan))
-    return seen.slice(0, count_strokes(log.time, log["position"])[0] + 200)
+    return seen.slice(0, stroke_ends(log.time, log["position"])[0] + 200)
 
 
 def test_a_movement_that_is_no_stroke_does_not_drift_what_is_known(learning, plant, unseen):

@@ -11,7 +11,7 @@ from clutchid.log import HOLE, INPUTS, Log
 from clutchid.strokes import choose, joined, sections_of
 from clutchid.strokes.borders import LEAD
 from clutchid.strokes.rest_level import REST_BAND
-from clutchid.strokes.stroke import count_strokes
+from fixtures.strokes import stroke_ends
 
 
 def same(first, second):
@@ -65,10 +65,10 @@ def test_every_stroke_that_is_counted_is_whole_in_one_section_of_motion(made, mo
         for seconds, level in ((out, peak), (held, peak), (back, 0.0), (rest, 0.0)):
             corners.append((corners[-1][0] + seconds + 1e-3, level))
     log = made(corners, zero=zero)
-    ends = count_strokes(log.time, log["position"] - zero)
+    ends = stroke_ends(log.time, log["position"] - zero)
     in_sections = []
     for section in sections_of(log):
-        within = count_strokes(section.log.time, section.log["position"] - zero)
+        within = stroke_ends(section.log.time, section.log["position"] - zero)
         assert section.kind == "stroke" or not within
         in_sections += [section.first + end for end in within]
         # rests within the band of the lowest are one: the level is their median, and may be that of any of them

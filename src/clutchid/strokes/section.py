@@ -37,8 +37,8 @@ class SectionSummary:
 class Section:
     """A stroke or a rest: its samples `log` from `start` to `end` in s, and the index `first` of its first sample.
 
-    A section of kind "stroke" is the motion between two rests, with all strokes in it, see `count_strokes`; one with a
-    long hold is divided there. Its samples begin with up to half a second of the vented rest before it, so that a
+    A section of kind "stroke" is the motion between two rests, with all strokes in it; one with a long hold is
+    divided there. Its samples begin with up to half a second of the vented rest before it, so that a
     simulation can start there with Eq. (24); `departure` is the time in s at which the piston leaves it (`start` where
     there is none). `divided`: the stroke before goes on in this section, a long hold or the rest of too long a stroke.
     Two sections are adjacent if the last sample of one is followed by the first of the other.

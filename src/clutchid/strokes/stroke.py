@@ -1,4 +1,4 @@
-"""A stroke of the piston: where it begins and ends, its shortest time, and a count sample by sample.
+"""A stroke of the piston: where it begins and ends, and its shortest time.
 
 This is the only definition of a stroke: recordings, the observer and the exported C count by it, and what a clutch
 wears in a stroke is added where one has been counted.
@@ -6,11 +6,7 @@ wears in a stroke is added where one has been counted.
 
 from __future__ import annotations
 
-import numpy as np
-
-from clutchid.codegen.kernels import kernels_in
-from clutchid.codegen.records import Count, new_record
-from clutchid.log import FloatArray
+from clutchid.codegen.records import Count
 
 #: A stroke begins where the position in m, from the vented rest, rises above the first and ends where it falls below
 #: the second, so that noise does not count.
@@ -29,24 +25,3 @@ class Stroke:
 
     within: int
     lasted: Count
-
-
-def count_strokes(time: FloatArray, position: FloatArray) -> list[int]:
-    """The numbers of the samples of a recording at which strokes end.
-
-    Parameters
-    ----------
-    time : s
-        Increasing, shape (n,).
-    position : m
-        From the vented rest, shape (n,); NaN is left out.
-
-    Examples
-    --------
-    >>> position = np.array([0.0, 8e-3, 8e-3, 1e-3, 0.0])
-    >>> count_strokes(0.1 * np.arange(5), position)
-    [3]
-    """
-    ended = np.zeros(time.size, dtype=bool)
-    kernels_in("clutchid.strokes.stroke_rule").mark_ends(new_record(Stroke), time, position, ended)
-    return [int(i) for i in np.flatnonzero(ended)]

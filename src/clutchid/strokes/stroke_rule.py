@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from clutchid.codegen.kernels import kernel
 from clutchid.codegen.records import Count
-from clutchid.log import FloatArray
-from clutchid.strokes.stroke import BEGINS, ENDS, LONGEST_US, RESOLUTION, SHORTEST, Stroke
+from clutchid.strokes.stroke import BEGINS, ENDS, LONGEST_US, SHORTEST, Stroke
 
 
 @kernel
@@ -28,11 +24,3 @@ def count_stroke(stroke: Stroke, position: float, dt: Count) -> bool:
         stroke.within = 0
         return bool(stroke.lasted >= SHORTEST)
     return False
-
-
-@kernel
-def mark_ends(stroke: Stroke, time: FloatArray, position: FloatArray, ended: NDArray[np.bool_]) -> None:
-    """Whether a stroke ends at each of n samples, to be filled, with their times in s."""
-    for i in range(time.size):
-        dt = round((time[i] - time[max(i - 1, 0)]) / RESOLUTION)
-        ended[i] = count_stroke(stroke, position[i], dt)
