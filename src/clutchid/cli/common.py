@@ -156,9 +156,6 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         )
 
 
-#: Time in s from one line of progress to the next where standard error is not a terminal.
-PROGRESS_PERIOD = 60.0
-
 #: Units of a rate by their length in s, and of a time that is left.
 _RATES = ((1.0, "a second"), (60.0, "a minute"), (3600.0, "an hour"))
 _SPANS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
@@ -166,26 +163,16 @@ _SPANS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 @contextmanager
 def progress_of(title: str, clock: Callable[[], float] = monotonic) -> Iterator[Callable[[int, int], None]]:
-    """Progress on standard error: a bar on a terminal, elsewhere a line a minute; call it with recordings done and all.
+    """A bar on standard error where that is a terminal: call it with recordings done and all.
 
     Parameters
     ----------
     clock : s
         Time from any origin.
     """
-    begin = last = clock()
+    begin = clock()
     with progress_bar(title) as show:
-
-        def progress(count: int, total: int) -> None:
-            nonlocal last
-            now = clock()
-            words = progress_words(count, total, now - begin)
-            show(words, count / total)
-            if now - last >= PROGRESS_PERIOD and not sys.stderr.isatty():
-                put(f"{title}: {words}", to=sys.stderr)
-                last = now
-
-        yield progress
+        yield lambda count, total: show(progress_words(count, total, clock() - begin), count / total)
 
 
 def progress_words(count: int, total: int, seconds: float) -> str:
