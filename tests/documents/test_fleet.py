@@ -18,14 +18,12 @@ from clutchid.documents.fleet_tables import (
     SHOWN_ALARMS,
     ReasonCount,
     ReplacementRow,
-    TypeRow,
     VehicleRow,
     alarms_table,
     all_table,
     due_table,
     quantiles,
     reasons_table,
-    shared_table,
     spans_of,
     tag_tables,
 )
@@ -222,7 +220,7 @@ def test_replacements_are_shown_by_month_and_by_depot_for_three_months():
     assert table.column("month 2") == (south, north)
     assert tag_tables([ReplacementRow("lot", f"{k}", 1, 1.0, 0.0, 2.0) for k in range(40)])[0].note.startswith("10 ")
     rows = [forecast("V1", 0.25), forecast("V2", 0.5)]
-    html = page_of(document_of(FleetWear(rows, [], [], REPLACEMENTS), "c"))
+    html = page_of(document_of(FleetWear(rows, [], REPLACEMENTS), "c"))
     assert "limit: 0.8 within 20,000 km, 0.8 within 90 days, 0.8 within 365 days from their last" in html
     assert Parsed(html).tables["Replacements in each month"][2][:3] == ["expected", "3.0", "6.0"]
     assert html.count("data:image/svg+xml") == 1
@@ -251,18 +249,6 @@ def test_alarms_stand_by_their_probability_and_those_as_probable_with_the_newest
     assert table.title == "5 alarms of 4 vehicles"
     html = page_of(document_of(FleetWear(rows, []), "c"))
     assert "<p>5 alarms of 4 vehicles</p>" in html
-
-
-def test_types_say_their_rate_and_use_and_whether_they_are_learnt():
-    rate, use = Interval(1e-9, 5e-10, 2e-9), Interval(200.0, 150.0, 300.0)
-    types = [
-        TypeRow("B", 2, False, "km", rate, use, use, 1.0, 0.4),
-        TypeRow("A", 9, True, "strokes", rate, use, use, 1.0, 0.4),
-    ]
-    table = shared_table(types)
-    assert table.rows[0][:6] == ("A", 9, "learnt", "0.100", "0.050\xa0to\xa00.200", "100,000\xa0strokes")
-    assert table.rows[1][2:4] == ("guessed", "0.010")
-    assert "200" in page_of(document_of(FleetWear([vehicle("V1")], [], types), "c"))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ from clutchid.documents.fleet_tables import (
     quantiles,
     quantity_of,
     reasons_table,
-    shared_table,
     spans_of,
     tag_tables,
     types_table,
@@ -102,8 +101,7 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
     alarms = alarms_table(vehicles) if any(row.alarms for row in vehicles) else Notice("No alarm.", "good")
     sections.append(Chapter("Alarms", (alarms,)))
     if any(map(has_reading, vehicles)):
-        shared = (shared_table(fleet.types),) if fleet.types else ()
-        sections.append(Chapter("Types", (*shared, types_table(vehicles, spans))))
+        sections.append(Chapter("Types", (types_table(vehicles, spans),)))
     sections.append(Chapter("Recordings that do not count", (failures,)))
     if vehicles:
         sections.append(Chapter("All vehicles", (Sortable(all_table(vehicles, spans)),)))

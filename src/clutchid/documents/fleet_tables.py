@@ -81,26 +81,6 @@ class VehicleRow(NamedTuple):
         return sum(number for status, number in self.statuses.items() if status in ("ok", "warning"))
 
 
-class TypeRow(NamedTuple):
-    """Vehicles of a type with a forecast, and what they share: medians of vehicles with their 90 % spread.
-
-    `rate` is that of wear, or else of shift, in m per stroke, km, day or recording, as `axis` says; `per_day` and
-    `per_km` are strokes, km or recordings a day and a km. `learnt` is False for fewer vehicles than can be pooled.
-    `noise` is the standard deviation of independent errors as a share of the usual one, `walk` that of the rate over a
-    life as a share of the usual rate.
-    """
-
-    name: str
-    vehicles: int
-    learnt: bool
-    axis: Axis
-    rate: Interval
-    per_day: Interval
-    per_km: Interval
-    noise: float
-    walk: float
-
-
 class ReplacementRow(NamedTuple):
     """Expected replacements in a month from each vehicle's last recording on, with their 95 % interval.
 
@@ -372,33 +352,6 @@ def types_table(vehicles: Sequence[VehicleRow], spans: Spans) -> ReportTable:
     ]  # fmt: skip
     more = f"{len(largest) - _TYPES:,} smaller types are left out here." if len(largest) > _TYPES else ""
     return ReportTable("By type, with quantiles over its vehicles", columns, tuple(rows), note=more)
-
-
-def shared_table(types: Sequence[TypeRow]) -> ReportTable:
-    """Rates and uses of the types, by which their vehicles are forecast."""
-    rate, use = Column("rate [m]", "", MM, 3), Column("use", "", significant=3)
-    columns = (
-        Column("type", "type"), Column("vehicles", "vehicles", decimals=0), Column("learnt", "rate and use"),
-        *_spread_columns("rate [mm]"), Column("span", "per"),
-        *_spread_columns("use a day"), *_spread_columns("use a km"), Column("axis", "of"),
-    )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = []
-    for row in sorted(types, key=lambda row: -row.vehicles)[:_TYPES]:
-        span, words, *_ = _SPANS[row.axis]
-        rows.append((
-            printable(row.name), row.vehicles, "learnt" if row.learnt else "guessed",
-            *_spread(rate, Interval(*(span * side for side in row.rate))), words.replace(" ", _NBSP),
-            *_spread(use, row.per_day), *_spread(use, row.per_km), row.axis,
-        ))  # fmt: skip
-    return ReportTable("What the vehicles of a type share in their forecast", columns, tuple(rows))
-
-
-def _spread_columns(group: str) -> tuple[Column, ...]:
-    return tuple(Column(f"{group} {words}", words, group=group) for words in ("median", "90 % of vehicles"))
-
-
-def _spread(column: Column, spread: Interval) -> tuple[str, ...]:
-    return column.shown(spread.value), f"{column.shown(spread.low)} to {column.shown(spread.high)}".replace(" ", _NBSP)
 
 
 def _within(vehicles: Sequence[VehicleRow]) -> list[_Entry]:

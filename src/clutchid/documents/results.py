@@ -11,7 +11,7 @@ from clutchid.documents.document import Document
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from clutchid.documents.fleet_tables import ReasonCount, ReplacementRow, TypeRow, VehicleRow
+    from clutchid.documents.fleet_tables import ReasonCount, ReplacementRow, VehicleRow
     from clutchid.estimation import Errors, Fit, LoadCurve
     from clutchid.inference.uncertainty.calibration import Origin
     from clutchid.log import Log
@@ -49,11 +49,10 @@ class WornClutch(NamedTuple):
 
 
 class FleetWear(NamedTuple):
-    """The vehicles of a fleet, why recordings do not count, its types, and replacements by month."""
+    """The vehicles of a fleet, why recordings do not count, and replacements by month."""
 
     vehicles: Sequence[VehicleRow]
     reasons: Sequence[ReasonCount]
-    types: Sequence[TypeRow] = ()
     replacements: Sequence[ReplacementRow] = ()
 
 

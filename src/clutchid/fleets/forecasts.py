@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from clutchid.documents.fleet_tables import ReplacementRow, TypeRow, VehicleRow
+from clutchid.documents.fleet_tables import ReplacementRow, VehicleRow
 from clutchid.errors import ParameterError
 from clutchid.log import FloatArray
+from clutchid.wear import Axis
 from clutchid.wear.due import FORECAST_MONTHS, Forecast, forecast, reached_within, replacements
 from clutchid.wear.evidence import WEAR_NODES, evidence_from
 from clutchid.wear.pooling import TypePool, TypeSpread, pooled
@@ -48,6 +49,26 @@ class DueVehicle(NamedTuple):
     probability: float
     left_km: Interval
     left_days: Interval
+
+
+class TypeRow(NamedTuple):
+    """Vehicles of a type with a forecast, and what they share: medians of vehicles with their 90 % spread.
+
+    `rate` is that of wear, or else of shift, in m per stroke, km, day or recording, as `axis` says; `per_day` and
+    `per_km` are strokes, km or recordings a day and a km. `learnt` is False for fewer vehicles than can be pooled.
+    `noise` is the standard deviation of independent errors as a share of the usual one, `walk` that of the rate over a
+    life as a share of the usual rate.
+    """
+
+    name: str
+    vehicles: int
+    learnt: bool
+    axis: Axis
+    rate: Interval
+    per_day: Interval
+    per_km: Interval
+    noise: float
+    walk: float
 
 
 class FleetForecast(NamedTuple):

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clutchid.documents import FleetWear, WornClutch, document_of, write_page
-from clutchid.documents.fleet_tables import ReasonCount, TypeRow, VehicleRow
+from clutchid.documents.fleet_tables import ReasonCount, VehicleRow
 from clutchid.documents.wear_rows import alarm_words
 from clutchid.files import make_folder, write_bytes
 from clutchid.fleets.alarm_table import ALARM_LIST, alarm_list, list_words
 from clutchid.fleets.cluster import version_and_source
-from clutchid.fleets.forecasts import FleetForecast
+from clutchid.fleets.forecasts import FleetForecast, TypeRow
 from clutchid.fleets.jobs import key_of
 from clutchid.fleets.parts import part_content, recordings_frame, rows_in_parts, schema
 from clutchid.fleets.plan import RecordingKey, RecordingState, readings_of
@@ -234,7 +234,7 @@ def write_tables(fleet: FleetForecast, command: str, out: Path, *, trends: bool,
             write_bytes(part_content(table.fill_nan(None)), out / file)
         alarms = alarm_list(rows, false_share)
         write_bytes(part_content(alarms), out / ALARM_LIST)
-    write_page(document_of(FleetWear(rows, _reasons(rows), fleet.types, fleet.replacements), command), out / _INDEX)
+    write_page(document_of(FleetWear(rows, _reasons(rows), fleet.replacements), command), out / _INDEX)
     return list_words(alarms) if trends else ""
 
 
