@@ -17,9 +17,7 @@ from clutchid.estimation import LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING
 from clutchid.log import FloatArray
 from clutchid.names import capital
-from clutchid.wear import FALSE_ALARMS, LIFE, Wear
-from clutchid.wear.due import FORECAST_LIVES, reached_by_one
-from clutchid.wear.evidence import LifeEvidence
+from clutchid.wear import FALSE_ALARMS, Wear
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,25 +112,10 @@ def life_figure(curves: Sequence[tuple[str, LoadCurve]]) -> Figure:
     return figure
 
 
-def due_figure(wear: Wear, evidence: LifeEvidence) -> Figure:
-    """Probability of a vehicle with a forecast to reach its limit, over the axis from its last recording on."""
-    figure, (axis,) = new_figure([2.2])
-    life, high = LIFE[wear.axis], wear.left.high if wear.left else np.inf
-    end = max(1.2 * high / life, _LEAST_AHEAD) if np.isfinite(high) else FORECAST_LIVES
-    ahead = np.linspace(0.0, end, 121)
-    x, unit = _scaled(life * ahead, wear.axis)
-    draw(axis, x, 100.0 * reached_by_one(evidence, ahead), Line(STYLE.blue, width=1.6))
-    axis.set_ylim(0.0, 103.0)
-    axis.set_xlim(0.0, float(x[-1]))
-    label(axis, f"{unit} after the last recording", "limit reached [%]")
-    return figure
-
-
-#: Lives over which the probability to reach the limit is drawn, at least.
-_LEAST_AHEAD = 0.02
-
-_DUE = "Probability that the clutch reaches its limit, from the recordings of this vehicle alone."
-_BY_TYPE = " The tables of the fleet also use those of the other vehicles of its type, so that their numbers differ."
+_BY_TYPE = (
+    " What is left follows from the recordings of this vehicle alone; the tables of the fleet also use those of the "
+    "other vehicles of its type, so that their numbers differ."
+)
 _TREND = (
     "Estimates from single recordings, and the trend with its 95 % band. The estimates may all lie on one side of "
     "the trend: errors that all recordings of a vehicle share, and errors due to air temperature, are removed from "
@@ -155,7 +138,7 @@ def wear_document(clutch: WornClutch, command: str = "") -> Document:
         f"Recordings: {recordings_words(wear)}",
         tuple(rows_of(wear)),
         notices=tuple(_notices(wear)),
-        figure=(lambda: _trend(wear)) if counted else None,
+        figure=(lambda: _trend(clutch)) if counted else None,
         sections=lambda: _sections(clutch),
         data=lambda: wear_json(wear, clutch.left_out),
         command=command,
@@ -167,10 +150,6 @@ def _sections(clutch: WornClutch) -> list[Chapter]:
     sections = [Chapter("Recordings", (recordings_table(clutch.wear),))]
     if curves := clutch.wear.curves:
         sections.insert(0, Chapter("Load from new to now", (Picture(life_figure(curves), _LOADS, "Loads"),)))
-    if evidence := clutch.wear.evidence:
-        caption = f"{_DUE}{_BY_TYPE if clutch.home else ''}"
-        picture = Picture(due_figure(clutch.wear, evidence), caption, "Probability to reach the limit")
-        sections.insert(0, Chapter("Reaching the limit", (picture,)))
     return sections
 
 
@@ -183,8 +162,10 @@ def _notices(wear: Wear) -> Iterator[Notice]:
         yield Notice("No sudden change of the load was found, and no leak.", "good")
 
 
-def _trend(wear: Wear) -> Picture:
-    caption = f"{_TREND}{_ALARMS if wear.alarms else ''} {_TEST}"
+def _trend(clutch: WornClutch) -> Picture:
+    wear = clutch.wear
+    by_type = _BY_TYPE if wear.left and clutch.home else ""
+    caption = f"{_TREND}{_ALARMS if wear.alarms else ''} {_TEST}{by_type}"
     return Picture(trend_figure(wear), caption, "Trend of the wear with its band")
 
 

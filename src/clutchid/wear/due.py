@@ -17,7 +17,6 @@ from clutchid.wear.pooling import (
     TypePool,
     TypeSpread,
     level_posterior,
-    pooled,
     rate_posterior,
 )
 
@@ -125,12 +124,6 @@ def reached_by(evidence: LifeEvidence, pool: TypePool, ahead: FloatArray, offset
             beyond = (value[:, None] + rate[:, None] * ahead - evidence.limit[:, None]) / sd
             total += weights[n] * weight * np.maximum.accumulate(special.ndtr(beyond), axis=1)
     return total
-
-
-def reached_by_one(evidence: LifeEvidence, ahead: FloatArray) -> FloatArray:
-    """The same for a single vehicle by its own recordings alone, (ahead,)."""
-    alone = evidence.at(None)
-    return np.asarray(reached_by(alone, pooled(alone), ahead)[0])
 
 
 def _counting(spread: TypeSpread) -> FloatArray:
