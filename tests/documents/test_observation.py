@@ -8,7 +8,6 @@ from clutchid.documents.figures import BINS, thinned, with_gaps
 from clutchid.documents.html import page_of, write_page
 from clutchid.documents.observation import (
     adapted_table,
-    health_table,
     loads_figure,
     samples_figure,
     strokes_figure,
@@ -37,7 +36,7 @@ def run(plant, log):
 def test_the_page_has_loads_strokes_samples_parameters_and_health(run, loads_nothing, tmp_path):
     write_page(document_of(Observation(run, ORIGIN), "clutchid observe <worn>.parquet"), tmp_path / "page.html")
     html = (tmp_path / "page.html").read_text(encoding="utf-8")
-    for heading in ("Load by stroke", "Samples", "Innovations", "Parameters", "Flags"):
+    for heading in ("Load by stroke", "Samples", "Innovations", "Parameters"):
         assert f"<h2>{heading}</h2>" in html
     assert "started from CAL.toml" in html
     assert "clutchid observe &lt;worn&gt;.parquet" in html
@@ -96,8 +95,6 @@ def test_faults_are_on_the_page_in_words_with_their_seconds(blank, plant, log):
     position[1000:1200] = np.nan
     torn = observe_recording(observer(plant), log.with_columns(position=position))
     assert "the position is missing: 0.2 s" in page_of(document_of(Observation(torn, ORIGIN), "c"))
-    table = health_table(torn)
-    assert dict(zip(table.column("flag"), table.column("seconds"), strict=True)) == torn.health
     assert observe_sentence(torn).endswith("flags: position_missing 0.2 s; supply pressure assumed")
     assert observe_json(torn, ORIGIN)["status"] == "warning"
 

@@ -210,7 +210,6 @@ def observe_sections(run: ObservedRecording) -> list[Chapter]:
         Chapter("Samples", (samples,)),
         *([Chapter("Innovations", innovations)] if innovations else []),
         Chapter("Parameters", _parameters(run)),
-        Chapter("Flags", (health_table(run),)),
         *([Chapter("Limits of the result", limits)] if limits else []),
     ]
 
@@ -258,12 +257,3 @@ def adapted_table(run: ObservedRecording, title: str, names: Sequence[str]) -> R
 def _rounded(estimate: Estimate) -> float:
     """A value, 0 where it differs from that by rounding only."""
     return estimate.value if abs(estimate.value) > 1e-6 * estimate.std else 0.0
-
-
-def health_table(run: ObservedRecording) -> ReportTable:
-    """Seconds of each flag."""
-    columns = (
-        Column("flag", "flag"), Column("meaning", "meaning"), Column("seconds [s]", "seconds", 1.0, 3),
-    )  # fmt: skip
-    rows = tuple((name, _MEANINGS[name], seconds) for name, seconds in run.health.items())
-    return ReportTable("Seconds of each flag", columns, rows)
