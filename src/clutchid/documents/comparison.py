@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,12 +10,11 @@ import numpy as np
 from clutchid.documents.changes import since_calibration
 from clutchid.documents.document import Block, Bullets, Chapter, Picture, Text
 from clutchid.documents.figures import draw, fill, label, legend, mark_span, new_figure
-from clutchid.documents.fit_rows import POSITIONS, interval_words
+from clutchid.documents.fit_rows import interval_words
 from clutchid.documents.style import MM, STYLE, Line
 from clutchid.documents.tables import POSITION_STEP, Cell, Column, ReportTable
 from clutchid.estimation import Fit, LoadCurve
 from clutchid.estimation.assess.comparison import ENGAGING, Comparison, comparison
-from clutchid.estimation.assess.verdict import verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,10 +26,7 @@ _CAPTION = (
 
 
 def comparison_sections(fit: Fit) -> list[Chapter]:
-    """Both loads, and changes since the calibration; none without one.
-
-    Several recordings have a table of their readings one by one.
-    """
+    """Both loads, and changes since the calibration; none without one."""
     if fit.baseline is None:
         return []
     compared = comparison(fit)
@@ -42,8 +38,6 @@ def comparison_sections(fit: Fit) -> list[Chapter]:
         blocks.append(
             Text("The file of the calibration has no load, or no load was fitted, so there is nothing to compare.")
         )
-    if fit.readings:
-        blocks.append(readings_table(fit.readings))
     return [Chapter("New against worn", tuple(blocks))]
 
 
@@ -107,25 +101,3 @@ def change_table(compared: Comparison) -> ReportTable:
         both = (float(np.interp(position, curve.position, curve.force)) for curve in curves)
         rows.append((float(position), *both, *compared.at(float(position))))
     return ReportTable("Load at the calibration and now", columns, tuple(rows), note="Intervals at 95 %.")
-
-
-def readings_table(readings: Mapping[str, Fit]) -> ReportTable:
-    """Each recording read alone: half-load position, change of the load, other changes, and trust."""
-    group = "change of the load"
-    columns = (
-        Column("recording", "recording"), Column("trust", "trust"),
-        Column("half_load [m]", "half load\nat [mm]", MM, 2), Column("shift [m]", "shift\n[mm]", MM, 2),
-        *(Column(f"change_{mm} [N]", f"at {mm} mm\n[N]", 1.0, 0, group=group) for mm in POSITIONS),
-        Column("share_6 [1]", "at 6 mm\n[%]", 0.01, 1, group=group), Column("others", "other changes"),
-    )  # fmt: skip
-    rows: list[tuple[Cell, ...]] = []
-    for name, reading in readings.items():
-        compared = comparison(reading)
-        if compared is not None:
-            changes = (compared.at(mm * MM).force if mm * MM <= compared.reach else None for mm in POSITIONS)
-            others = ", ".join(dict.fromkeys(change.group for change in reading.changes)) or "none found"
-            halves = (compared.half_now.position, compared.shift.position)
-            share = compared.at(6 * MM).share if compared.reach >= 6 * MM else None
-            rows.append((name, verdict(reading).trust, *halves, *changes, share, others))
-    note = "Each recording on its own, compared with the calibration; the result above is one load for all of them."
-    return ReportTable("The recordings one by one", columns, tuple(rows), note=note)

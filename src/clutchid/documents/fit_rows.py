@@ -224,7 +224,7 @@ def baseline_name(baseline: Calibration) -> str:
 
 
 def _readings(single: Mapping[str, Fit]) -> list[str]:
-    """A line for each recording read alone: its trust, change at 6 mm, shift, and other changes."""
+    """A line for each recording read alone: its change at 6 mm, shift, and trust."""
     lines = []
     for name, fit in single.items():
         compared = comparison(fit)
