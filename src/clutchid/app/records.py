@@ -116,13 +116,12 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """Write strokes of copied columns, by their begins, or a span of time in s to a new file, and look at it."""
+    """Write a span of time in s of copied columns to a new file, and look at it."""
 
     source: Path
     map: Path | None
-    begins: tuple[float, ...]
+    span: tuple[float, float]
     look: Look
-    span: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

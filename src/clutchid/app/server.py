@@ -215,10 +215,10 @@ async def _map_file(session: Session, request: Request) -> Response:
 
 async def _cut(session: Session, request: Request) -> Response:
     body = await _body(request)
-    begins, span = (read_record(list[float], body.get(name, []), name) for name in ("begins", "span"))
-    if not begins and not (len(span) == 2 and span[0] < span[1]):
-        raise ParameterError("cut: choose a stroke or a range of time.")
-    return JSONResponse({"id": session.cut(request.path_params["id"], begins, (span[0], span[1]) if span else None)})
+    span = read_record(list[float], body.get("span", []), "span")
+    if not (len(span) == 2 and span[0] < span[1]):
+        raise ParameterError("cut: choose a range of time.")
+    return JSONResponse({"id": session.cut(request.path_params["id"], (span[0], span[1]))})
 
 
 async def _fit(session: Session, request: Request) -> Response:

@@ -124,8 +124,8 @@ class Session:
         self.board.update(id_, map=file, ambient=ambient)
         self._look(self._recording(id_), copied=True)
 
-    def cut(self, id_: str, begins: Sequence[float], span: tuple[float, float] | None = None) -> str:
-        """Begin to write strokes of a recording, by their begins, or a span in s as a new recording; its id.
+    def cut(self, id_: str, span: tuple[float, float]) -> str:
+        """Begin to write a span in s of a recording as a new recording; its id.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class Session:
         whole = self._recording(id_)
         new, path = self.upload_path(f"{Path(safe_name(whole.name)).stem}-cut.parquet")
         look = records.Look(records.File(path), self._columns(new), whole.ambient)
-        task = records.Cut(self._columns(id_), whole.map, tuple(begins), look, span)
+        task = records.Cut(self._columns(id_), whole.map, span, look)
         recording = records.Recording(new, path.name, path, uploaded=True)
         return self._begin(f"cut {whole.name}", "files", recording, task)
 

@@ -78,16 +78,10 @@ def look(task: records.Look, events: Events) -> dict[str, Any]:
 
 
 def cut(task: records.Cut, events: Events) -> dict[str, Any]:
-    """Write the chosen strokes of stored columns as a recording, and open it.
-
-    Raises
-    ------
-    DataError
-        If none of the chosen strokes is there any more.
-    """
+    """Write a span of stored columns as a recording, and open it."""
     events.progress("cutting", None, "cutting")
     recording = stored_recording(task.source, task.map, pressure_option(task.look.ambient or None))
-    recording.cut(task.begins, task.look.file.path, task.span)
+    recording.cut(task.span, task.look.file.path)
     return look(task.look, events)
 
 

@@ -7,7 +7,6 @@ at any zoom, and what is read does not grow with the length of the recording.
 from __future__ import annotations
 
 import shutil
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.errors import DataError
 from clutchid.log import INPUTS, FloatArray, Log, concatenated
 from clutchid.measurements import AMBIENT, BLOCK, Heading, Source, in_si, open_source, source_pieces
 from clutchid.measurements.look import overview_of
@@ -82,30 +80,13 @@ class StoredRecording:
 
         return checked_recording(contents, self.channels, None, read)
 
-    def cut(self, begins: Iterable[float], out: Path, span: tuple[float, float] | None = None) -> None:
-        """Write the strokes that begin at these times in s, or all samples of a span in s, as a recording.
-
-        Raises
-        ------
-        DataError
-            If there is none.
-        """
+    def cut(self, span: tuple[float, float], out: Path) -> None:
+        """Write all samples of a span in s as a recording."""
         from clutchid.measurements import write
-        from clutchid.strokes import joined, sections_of
 
-        if span is not None:
-            pieces = source_pieces(self.source, self.channels, self.ambient)
-            parts = [piece.slice(*np.searchsorted(piece.time, span).tolist()) for piece in pieces]
-            write(concatenated([part for part in parts if len(part)] or parts[:1]), out)
-            return
-        chosen = {round(float(begin), 6) for begin in begins}
         pieces = source_pieces(self.source, self.channels, self.ambient)
-        sections = [section for section in sections_of(pieces) if round(section.start, 6) in chosen]
-        if not sections:
-            raise DataError(f"{self.source.path.name}: no stroke is chosen.")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            write(joined(sections), out)
+        parts = [piece.slice(*np.searchsorted(piece.time, span).tolist()) for piece in pieces]
+        write(concatenated([part for part in parts if len(part)] or parts[:1]), out)
 
 
 def copied(path: Path, folder: Path, progress: Callable[[int, int], None]) -> None:

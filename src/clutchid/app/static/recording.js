@@ -1,4 +1,4 @@
-// The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, choose strokes.
+// The stage "Recording": open files, look at them, give channels a meaning, see what the checks say, cut out a range.
 import { about, all, badge, bytes, drawBox, fill, folded, gone, h, item, lasts, named, notice, one, plural, points, send, sending, short, SERIES, table } from "./page.js";
 import { strips } from "./strips.js";
 
@@ -15,8 +15,7 @@ const searches = new Map();
 const box = { id: "", of: "recordings", title: "Drop recordings here", accepts: "CSV, Parquet, MDF, MATLAB, BLF or ASC; or a calibration (TOML)", take, none: "No recordings here.",
   open: async (path) => { chosen = (await send("POST", "/api/recordings", { path })).id; } };
 let chosen = "";
-const picked = new Map();     // by recording, the strokes that were chosen in its table
-lasts("recording", { drafts, plotted, searches, picked, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
+lasts("recording", { drafts, plotted, searches, get chosen() { return chosen; }, set chosen(id) { chosen = id; } });
 let shown = null;             // the strips of the recording that is shown, where they are, and of what
 let holderOfShown = null;
 let keyOfShown = "";
@@ -162,7 +161,7 @@ function drawDetails(details) {
     recording.status === "failed" && notice(recording.message), look.status === "bad_input" && notice(look.message),
     usable && look.needs_map && !recording.map && (look.complete ? h("p", { class: "hint" }, "The channels were recognised by their names. They are listed below.") :
       h("div", { class: "notice care" }, "Some of the channels below are guessed. Check them, then keep the map:", h("ul", {}, look.remarks.map((text) => h("li", {}, text))))),
-    ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording, () => drawDetails(details)));
+    ...(look.channels.length ? [plots, channels] : []), usable && drawChecks(recording), drawStrokes(recording));
   if (!look.channels.length) return;
   drawChannels(channels, recording, () => drawStrips(plots, recording, () => drawDetails(details)));
   if (!shown) drawStrips(plots, recording, () => drawDetails(details));
@@ -312,10 +311,10 @@ function drawChecks(recording) {
     look.notes.length ? folded("assumed", "Assumptions about the file", h("ul", { class: "notes" }, look.notes.map((text) => h("li", {}, text)))) : null);
 }
 
-/** Make a recording of the chosen strokes, or of a range of time, and show it; its id. */
-async function cut(recording, which, redraw) {
+/** Make a recording of a range of time, and show it; its id. */
+async function cut(recording, span, redraw) {
   try {
-    const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, which);
+    const { id } = await send("POST", `/api/recordings/${recording.id}/cut`, { span });
     messages.delete(recording.id);
     chosen = id;
     return id;
@@ -326,23 +325,18 @@ async function cut(recording, which, redraw) {
 /** What is done with a range of time that is shown. */
 const RANGED = [
   ["Fit this range", "Fit this range: cut it out and choose it under “Load”", async (recording, span, refused) => {
-    const id = await cut(recording, { span }, refused);
+    const id = await cut(recording, span, refused);
     if (id) lead("load", id, recording.id);
   }],
-  ["Cut out this range", "Cut out this range of time as a recording of its own", (recording, span, refused) => cut(recording, { span }, refused)],
+  ["Cut out this range", "Cut out this range of time as a recording of its own", (recording, span, refused) => cut(recording, span, refused)],
 ];
 
-function drawStrokes(recording, redraw) {
+function drawStrokes(recording) {
   const { strokes = [] } = recording.look;
   const only = strokes.filter((stroke) => stroke.kind === "stroke");
   if (!only.length) return null;
-  if (!picked.has(recording.id)) picked.set(recording.id, new Set());
-  const these = picked.get(recording.id);
-  const button = h("button", { type: "button", disabled: !these.size, onclick: () => cut(recording, { begins: [...these] }, redraw) }, "Cut out the chosen strokes");
   return h("section", { "aria-label": "Strokes" }, folded("strokes", h("h3", {}, plural(only.length, "stroke")),
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Table of strokes" }, h("table", {}, h("tbody", {}, only.slice(0, 500).map((stroke) => h("tr", {},
-      h("td", {}, h("input", { type: "checkbox", checked: these.has(stroke.begin), "aria-label": `Choose the stroke at ${short(stroke.begin)} s`,
-        onchange: (event) => { these[event.target.checked ? "add" : "delete"](stroke.begin); button.disabled = !these.size; } })),
       h("td", { class: "number" }, `${short(stroke.begin)} to ${short(stroke.end)} s`),
-      h("td", {}, h("button", { type: "button", class: "plain", onclick: () => shown?.mark(stroke.begin, stroke.end) }, "Show"))))))), button));
+      h("td", {}, h("button", { type: "button", class: "plain", onclick: () => shown?.mark(stroke.begin, stroke.end) }, "Show")))))))));
 }
