@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clutchid.documents.document import Chapter, Document, LabelRow, Notice, Picture, Sortable
-from clutchid.documents.figures import label, new_figure
+from clutchid.documents.document import Chapter, Document, LabelRow, Notice, Sortable
 from clutchid.documents.fleet_tables import (
-    ReplacementRow,
     Spans,
     VehicleRow,
     alarms_table,
@@ -28,29 +25,7 @@ from clutchid.documents.fleet_tables import (
     types_table,
 )
 from clutchid.documents.results import FleetWear
-from clutchid.documents.style import MM, STYLE
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-
-def replacements_figure(rows: Sequence[ReplacementRow]) -> Figure:
-    """Replacements of all vehicles by month, with their 95 % intervals and numbers."""
-    figure, (axis,) = new_figure([2.2])
-    month, expected, low, high = np.array([row[2:] for row in rows if not row.name], dtype=np.float64).T
-    axis.bar(month, expected, 0.8, color=STYLE.blue, alpha=0.55)
-    sides = np.maximum([expected - low, high - expected], 0.0)
-    axis.errorbar(month, expected, sides, fmt="none", ecolor=STYLE.ink, elinewidth=1.2, capsize=3)
-    for x, top, number in zip(month, high, expected, strict=True):
-        words = f"{number:,.1f}" if number < 100 else f"{number:,.0f}"
-        axis.annotate(
-            words, (x, top), (0, 3), textcoords="offset points", ha="center", fontsize=STYLE.font_size - 0.5
-        )  # fmt: skip
-    axis.set_ylim(0.0, max(1.15 * high.max(), 1.0))
-    axis.set_xticks(month)
-    label(axis, "month after the last recording of each vehicle")
-    return figure
-
+from clutchid.documents.style import MM
 
 #: Vehicles below which the range of all is said in place of that of nine in ten.
 _FEW = 20
@@ -81,12 +56,6 @@ def _rows(vehicles: Sequence[VehicleRow], measured: Sequence[VehicleRow]) -> Ite
     yield LabelRow("wear", f"{counted}. {_spread(measured)}")
 
 
-_REPLACEMENTS = (
-    "Expected replacements by month, with 95 % intervals: each clutch reaches its limit by chance, and the error of a "
-    "calibration moves all of its vehicles."
-)
-
-
 def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
     vehicles = fleet.vehicles
     failures = reasons_table(fleet.reasons) if fleet.reasons else Notice("Every recording counts.", "good")
@@ -96,8 +65,7 @@ def _sections(fleet: FleetWear, spans: Spans) -> list[Chapter]:
         sections.append(Chapter("Due first" if limited else "Most worn", (due_table(vehicles, spans),)))
     if any(row.by_month for row in vehicles):
         rows = fleet.replacements
-        picture = Picture(replacements_figure(rows), _REPLACEMENTS, "Replacements by month")
-        sections.append(Chapter("Replacements", (picture, months_table(rows), *tag_tables(rows))))
+        sections.append(Chapter("Replacements", (months_table(rows), *tag_tables(rows))))
     alarms = alarms_table(vehicles) if any(row.alarms for row in vehicles) else Notice("No alarm.", "good")
     sections.append(Chapter("Alarms", (alarms,)))
     if any(map(has_reading, vehicles)):

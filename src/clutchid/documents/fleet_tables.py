@@ -230,7 +230,11 @@ def months_table(rows: Sequence[ReplacementRow]) -> ReportTable:
     cells = tuple(
         (side, *numbers) for side, numbers in zip(sides, zip(*(row[3:] for row in months), strict=True), strict=True)
     )
-    return ReportTable("Replacements in each month", columns, cells)
+    note = (
+        "Months after the last recording of each vehicle. Each clutch reaches its limit by chance, and the error of a "
+        "calibration moves all of its vehicles."
+    )
+    return ReportTable("Replacements in each month", columns, cells, note=note)
 
 
 def tag_tables(rows: Sequence[ReplacementRow]) -> list[ReportTable]:
