@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from os import PathLike
 from typing import Any
 
@@ -130,13 +130,6 @@ def _provenance(document: Document) -> Mapping[str, str]:
     if not document.command:
         return {}
     about = {"command": document.command, "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
-    about |= {name: _version(name) for name in _PACKAGES}
+    about |= {name: version(name) for name in _PACKAGES}
     about |= {"Python": platform.python_version(), "machine": f"{platform.system()} {platform.machine()}"}
     return about | {f"SHA-256 of {name}": digest for name, digest in document.sources.items()}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed as a package"
