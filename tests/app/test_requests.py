@@ -42,6 +42,29 @@ def test_a_fit_has_the_command_and_the_python_that_repeat_it(opened):
     assert "free='load,P_S', bounds={'P_S': (800000.0, 900000.0)}, force=True" in shown["python"]
 
 
+@pytest.mark.slow
+def test_free_parameters_are_offered_with_their_bounds_and_what_is_wrong_with_those_that_are_chosen(idle):
+    def asked(free, **options):
+        answer = idle.ask(
+            "POST", "/api/choices", {"verb": "calibrate", "free": free, "options": {"free": free, **options}}
+        )
+        return {row["name"]: row for row in answer.json["choices"]}, answer.json["message"]
+
+    rows, message = asked("", bounds=["P_S=8e5:9e5"])
+    assert message == ""
+    assert rows["P_S"] == {
+        "name": "P_S", "meaning": "supply pressure, absolute", "unit": "Pa", "start": 9e5, "low": 3e5, "high": 2.7e6,
+        "group": "auto",
+    }  # fmt: skip
+    assert "gamma" in rows
+    assert "theta_1" not in rows  # of a load that the calibration does not fit
+    rows, message = asked("load,P_S@EACH", bounds=["P_S=9e5:8e5"])
+    assert "P_S: lower bound 900000 is not below upper bound 800000" in message
+    assert "gamma" not in rows  # without an effect in the model
+    assert (rows["theta_2"]["low"], rows["theta_2"]["group"], rows["P_S"]["group"]) == (None, "load", "auto")
+    assert "write NAME=LOW:HIGH" in asked("load", bounds=["P_S=x:"])[1]
+
+
 def test_recordings_with_different_maps_are_no_one_command(opened):
     """A command has one map for all of its recordings."""
     other = opened.ask("POST", "/api/recordings", {"path": "run.csv"}).json["id"]

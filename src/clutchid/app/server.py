@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import json
 import math
@@ -28,6 +29,7 @@ from clutchid.app.folder import end_folder, new_folder, opening_page, project_fo
 from clutchid.app.guard import LOOPBACK, REPORT_POLICY, Access, Guard
 from clutchid.app.records import Observation, Recording, Result
 from clutchid.app.session import Session
+from clutchid.documents.json_text import json_text
 from clutchid.errors import ClutchidError, DataError, ParameterError
 from clutchid.files import not_an_address, reason_of
 from clutchid.files.records import read_record, toml_of
@@ -75,6 +77,7 @@ def application(session: Session, access: Access, begun: Callable[[], None] = la
         Route("/api/recordings/{id}/cut", _of(session, _cut), methods=["POST"]),
         Route("/api/calibrations", _of(session, _upload_calibration), methods=["PUT"]),
         Route("/api/fits", _of(session, _fit), methods=["POST"]),
+        Route("/api/choices", _of(session, _choices), methods=["POST"]),
         Route("/api/observations", _of(session, _observe), methods=["POST"]),
         Route("/api/observations/{id}", _of(session, _forget), methods=["DELETE"]),
         Route("/api/observations/{id}/plot", _of(session, partial(_plot, Observation))),
@@ -228,6 +231,14 @@ async def _fit(session: Session, request: Request) -> Response:
     (verb,) = _texts(body, "verb")
     id_ = session.fit(verb, recordings, verify, start, body.get("options", {}))
     return JSONResponse({"id": id_})
+
+
+async def _choices(session: Session, request: Request) -> Response:
+    """The parameters that a fit may free; in a thread, as the model may have to be derived first."""
+    body = await _body(request)
+    verb, free = _texts(body, "verb", "free")
+    offered = await asyncio.to_thread(session.choices, verb, free, body.get("start") or None, body.get("options", {}))
+    return Response(json_text(offered), media_type="application/json")
 
 
 async def _observe(session: Session, request: Request) -> Response:

@@ -22,7 +22,7 @@ from clutchid.app.uploads import download_name, safe_name
 from clutchid.errors import DataError, ParameterError
 from clutchid.names import printable
 from clutchid.systems import replace
-from clutchid.verbs.choosing import check_search
+from clutchid.verbs.choosing import checked_search, choices
 from clutchid.verbs.options import pressure_option
 
 
@@ -168,7 +168,7 @@ class Session:
         files, others = self._files(recordings), self._files(verify)
         calibration = None if start is None else self.calibration_file(start)
         asked = fit_command(verb, options, files, others, None if start is None else self._start_name(start))
-        check_search(verb, asked.search, calibration)
+        checked_search(verb, asked.search, calibration)
         command, python = repeated(asked, [*files, *others])
         id_, folder = self._result_folder("result")
         # the result names its calibration as the command does
@@ -182,6 +182,21 @@ class Session:
             options=asked.search, made=time.time(), command=command, python=python, map=own,
         )  # fmt: skip
         return self._begin(name, "fits", result, task)
+
+    def choices(self, verb: str, free: str, start: str | None, options: Any) -> dict[str, Any]:
+        """Parameters that a fit may free, and the sentence that refuses its options, empty where none does.
+
+        Raises
+        ------
+        DataError, ParameterError
+            If the calibration is not there, or cannot be read.
+        """
+        calibration, message = None if start is None else self.calibration_file(start), ""
+        try:
+            checked_search(verb, fit_command(verb, options, ()).search, calibration)
+        except ParameterError as error:
+            message = str(error)
+        return {"choices": [choice._asdict() for choice in choices(verb, free, calibration)], "message": message}
 
     def open_calibration(self, path: Path, name: str, *, move: bool) -> str:
         """Begin to read a calibration from a file; the id of its result."""

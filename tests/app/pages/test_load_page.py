@@ -35,15 +35,36 @@ def test_a_recording_is_dragged_to_verify_and_back_and_the_ticks_follow(page, op
     assert page.locator("#run-calibrate").is_enabled()
 
 
-def test_bounds_that_cross_are_refused_at_once_and_then_fitted_within(page, opened):
+def test_free_parameters_and_bounds_are_chosen_from_a_list_by_keyboard(page, opened, findings):
     opened("cal.csv")
     page.click("nav >> text=Load")
     page.click("#calibrate summary")
-    page.fill("#calibrate-free", "load,P_S")
-    page.fill("#calibrate-bounds", "P_S=9e5:8e5")
-    page.click("#run-calibrate")
-    page.locator(".notice", has_text="P_S: lower bound 900000 is not below upper bound 800000").wait_for()
-    page.fill("#calibrate-bounds", "P_S=7e5:8e5")
+    page.locator("#calibrate-choose").focus()
+    page.keyboard.press("Enter")
+    page.locator("#free-P_S").wait_for()
+    assert page.locator("#free-P_S").is_disabled()  # it is free with all others
+    page.locator("#free-auto").focus()
+    page.keyboard.press("Space")
+    page.locator("#free-theta_1").wait_for()
+    page.locator("#free-search").focus()
+    page.keyboard.type("supply PRESSURE")
+    assert page.locator("dialog tbody tr:not([hidden])").count() == 1
+    page.locator("#free-P_S").focus()
+    page.keyboard.press("Space")
+    page.locator("#low-P_S:enabled").wait_for()
+    for key in ("Tab", "9e5", "Tab", "8e5", "Tab"):
+        page.keyboard.press(key) if key == "Tab" else page.keyboard.type(key)
+    page.locator("dialog .notice.bad").wait_for()
+    assert page.locator("dialog .notice").inner_text() == "P_S: lower bound 900000 is not below upper bound 800000."
+    for width in (1400, 500):
+        page.set_viewport_size({"width": width, "height": 950})
+        assert page.locator("dialog").evaluate("dialog => dialog.scrollWidth <= dialog.clientWidth")
+        assert findings() == [], width
+    page.fill("#low-P_S", "7e5")
+    page.keyboard.press("Tab")
+    page.locator("dialog .notice").wait_for(state="detached")
+    page.keyboard.press("Escape")
+    assert page.locator("#calibrate-free").input_value() == "load,P_S"
     page.click("#run-calibrate")
     page.locator(".answer h2").wait_for()
     assert page.locator(".board tr").count() == 1

@@ -1,6 +1,7 @@
 // The stage "Load": calibrate, estimate, and a board on which results are kept, overlaid and compared.
 import { about, all, badge, dropping, fill, folded, gone, h, lasts, named, nextStep, notice, older, one, plural, points, repeat, select, sentences, send, short, summary, table, trusted } from "./page.js";
 import { curves } from "./curves.js";
+import { boundsOf, chooseFree } from "./free.js";
 import { EDGE, UNDER, strips } from "./strips.js";
 import { contents, has, readable, ready, take, unchecked, worst } from "./recording.js";
 
@@ -156,7 +157,7 @@ function form(verb, title, purpose, redraw) {
 }
 
 const listed = (text = "") => text.split(/\s+/).filter(Boolean);
-const cleaned = (given) => ({ ...given, bounds: listed(given.bounds), prior: listed(given.prior) });
+const cleaned = (given) => ({ ...given, bounds: boundsOf(given), prior: listed(given.prior) });
 const startOf = (verb) => (verb === "estimate" ? chosen.start : null);
 
 function more(verb, redraw) {
@@ -166,7 +167,8 @@ function more(verb, redraw) {
   const choice = (name, label, values) => select(`${verb}-${name}`, `${label} (--${name})`, given, name, values, redraw);
   return folded(`options of ${verb}`, "More options",
     text("free", "Free parameters", about.verbs[verb]?.free ?? "", "Names with commas; load is all load weights, auto all that a recording with pressure determines"),
-    text("bounds", "Bounds", "P_S=8e5:9e5", "NAME=LOW:HIGH in SI units, separated by spaces; a side may be empty"),
+    h("p", { class: "field" }, h("button", { type: "button", class: "plain", id: `${verb}-choose`, onclick: () => chooseFree(verb, given, startOf(verb), () => cleaned(given), redraw) }, "Choose free parameters and bounds …"),
+      boundsOf(given).length > 0 && h("span", { class: "hint" }, `Bounds (--bounds): ${boundsOf(given).join(" ")}`)),
     text("measure", "Measured columns", about.verbs[verb]?.measure ?? "", "position, or position,pressure_a"),
     choice("method", "Method", about.methods.map((name) => [name, name || "chosen automatically"])),
     text("prior", "Priors", "P_S=8.5e5±5e3", "NAME=VALUE±STD in SI units, separated by spaces"),
