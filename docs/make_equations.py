@@ -21,8 +21,8 @@ PAGE = Path(__file__).parent / "equations.md"
 
 HEAD = """# The model
 
-Printed from the code by `python docs/make_equations.py`; do not edit. Deviations from the print are listed in
-[deviations.md](deviations.md), the variants in [models.md](models.md).
+Printed from the code by `python docs/make_equations.py`; do not edit. Deviations from the paper:
+[deviations.md](deviations.md); variants: [models.md](models.md).
 
 ## Equation by equation
 
@@ -213,6 +213,8 @@ def _xi(which: str) -> list[Any]:
 
 
 def _aligned(lines: Sequence[str]) -> str:
+    if len(lines) == 1:
+        return lines[0].replace("&= ", "= ", 1)
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
 
