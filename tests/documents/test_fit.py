@@ -40,7 +40,7 @@ def test_the_page_loads_nothing_from_anywhere(html, loads_nothing):
 
 
 def test_the_page_has_the_load_every_recording_and_the_residuals_of_the_fitted_one_as_figures(html):
-    assert html.count("<img ") == 1 + 2 + 1
+    assert html.count("<img ") == 1 + 2 + 1 + 1  # load, recording, residuals, starts
 
 
 def test_every_shown_number_of_the_tables_is_on_the_page(fitted, html):
@@ -102,7 +102,7 @@ def test_an_infinite_band_is_said_not_drawn_and_a_recording_with_missing_samples
     lacking = replace(recording, measured=recording.measured.with_columns(position=position))
     html = page_of(document_of(replace(fitted, load_curve=unknown, recordings={"first": lacking}), COMMAND))
     assert html.count("not determined") == 1 + 4
-    assert html.count("<img ") == 1 + 2 + 1
+    assert html.count("<img ") == 1 + 2 + 1 + 1  # load, recording, residuals, starts
 
 
 def test_a_failed_fit_has_a_page_that_says_so(fitted, loads_nothing):
@@ -144,7 +144,7 @@ def test_of_many_recordings_the_worst_are_drawn_and_the_page_stays_small(blank, 
     late = replace(recording, measured=recording.measured.with_columns(position=recording.measured["position"] + 2e-3))
     many = replace(fitted, recordings={name: late if name == "log5" else recording for name in names}, verification={})
     page = page_of(document_of(many, COMMAND))
-    assert page.count("<img ") == 1 + 2 * MAX_DRAWN
+    assert page.count("<img ") == 1 + 1 + 2 * MAX_DRAWN  # load, starts, recordings
     assert "log5 (fitted)" in page
     assert "3 more (fitted)" in page
     assert len(html) / html.count("<img ") * page.count("<img ") < 3e6
@@ -159,7 +159,7 @@ def test_a_long_recording_is_thinned_and_its_worst_half_minute_drawn_closer(fitt
     long = replace(recording, measured=longer(recording.measured), simulated=longer(recording.simulated))
     html = page_of(document_of(replace(fitted, recordings={"first": long}, verification={}), COMMAND))
     assert "The 30 s with the largest error of the position." in html
-    assert html.count("<img ") == 1 + 2 + 1
+    assert html.count("<img ") == 1 + 2 + 1 + 1  # load, recording, residuals, starts
     assert len(html) < 3e6
 
 

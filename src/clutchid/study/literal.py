@@ -13,7 +13,6 @@ from clutchid.documents.style import BAR, MM
 from clutchid.documents.tables import Cell, Column, ReportTable
 from clutchid.log import Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.own import OwnModel
 from clutchid.model.weighted_load import PAPER_KNOTS, Load
 from clutchid.simulation import simulate
 from clutchid.simulation.stiffness import STABLE_STEP
@@ -112,6 +111,7 @@ def failing_numbers() -> dict[str, Any]:
     """Runs of printed equations, and numbers from which the words of `failures` are computed."""
     import sympy as sp
 
+    from clutchid.model.own import OwnModel
     from clutchid.model.valves import orifice_flow, psi
 
     used = Actuator(load=Load(TABLE_1[None], phi2_slope=PRINTED_SLOPE))

@@ -9,7 +9,6 @@ import numpy as np
 from clutchid.estimation.result import Recording
 from clutchid.log import FloatArray, Log
 from clutchid.model.actuator import Actuator
-from clutchid.model.friction import deflection_rate, friction_force
 from clutchid.model.static import balanced_pressure, static_load, static_pressure
 
 #: Time in s over which velocity and acceleration are computed from the measured position.
@@ -42,6 +41,8 @@ class Pressures:
 
 def pressures(actuator: Actuator, recording: Recording) -> Pressures:
     """Eq. (26) and the full balance for a recording that was simulated with `actuator`."""
+    from clutchid.model.friction import deflection_rate, friction_force
+
     simulated, measured = recording.simulated, recording.measured
     p, force = actuator.parameters, actuator.load.force
     y, v, acceleration = measured_motion(measured)
@@ -91,6 +92,8 @@ def measured_motion(log: Log) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _deflection(v: FloatArray, time: FloatArray, K_z: float, F_C: float) -> FloatArray:
     """Seal deflection by Eq. (3) along a known velocity; exact for piecewise constant v."""
+    from clutchid.model.friction import deflection_rate
+
     dt, rate = np.diff(time), v - deflection_rate(v, 1.0, K_z, F_C)  # z_dot = v - rate z
     decay = np.exp(-rate[:-1] * dt)
     gain = v[:-1] * np.where(rate[:-1] > 0.0, (1.0 - decay) / np.maximum(rate[:-1], 1e-12), dt)

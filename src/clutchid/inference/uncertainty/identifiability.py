@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from clutchid.log import FloatArray
 from clutchid.model.actuator import Actuator
@@ -96,6 +95,8 @@ def identifiability(R: FloatArray, names: Sequence[str], slopes: FloatArray) -> 
     Ranking by pivoted QR: Burth, Verghese and Velez-Reyes 1999. Collinearity index: Brun, Reichert and Kunsch 2001.
     Condition indices and shares of variance: Belsley, Kuh and Welsch 1980.
     """
+    from scipy.linalg import qr  # on use: a command that only reads files starts faster
+
     norms = np.sqrt(np.sum(R**2, axis=0))
     informed = np.flatnonzero(norms > 0.0)
     unit = R[:, informed] / norms[informed]
