@@ -67,7 +67,7 @@ def _started(folder, *options):
         processes.append(subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env))
 
     start(*command, "--no-dashboard", "--scheduler-file", str(file))
-    while not file.exists():
+    while not file.exists() or not file.read_text():  # it is written after it was made
         time.sleep(0.1)
     address = json.loads(file.read_text())["address"]
 
