@@ -134,7 +134,9 @@ def _sentence(package: Path) -> str:
 
 
 def _names(names: Iterable[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names if not name.startswith("--no-"))
+    names = tuple(names)
+    negative = {f"--no-{name.removeprefix('--')}" for name in names}
+    return ", ".join(f"`{name}`" for name in names if name not in negative)
 
 
 def _source(row: Row) -> str:

@@ -156,7 +156,7 @@ def fit(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     ----------
     logs
         Recordings, before all options that take several values. They need the columns `time [s]`, `position
-        [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or a --map. --verify, --bounds and --dbc take all
+        [m]`, `duty_supply [1]`, `duty_exhaust [1]`, or a --map. --verify, --bounds, --prior and --dbc take all
         arguments that follow.
     """
     return run_fit(options.command("fit", logs), options)
@@ -202,7 +202,7 @@ def calibrate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     ----------
     logs
         Recordings with pressure, before options that take several values. They need position, duty cycles and
-        `pressure_a`, all from one state of wear; --verify, --bounds and --dbc take all arguments that follow.
+        `pressure_a`, all from one state of wear; --verify, --bounds, --prior and --dbc take all arguments that follow.
     """
     return run_fit(options.command("calibrate", logs), options)
 
@@ -218,7 +218,7 @@ def estimate(*logs: Path, options: FitOptions = _DEFAULTS) -> int:
     ----------
     logs
         Recordings, before all options that take several values. They need position and duty cycles, in any format
-        with a --map; --verify, --bounds and --dbc take all arguments that follow.
+        with a --map; --verify, --bounds, --prior and --dbc take all arguments that follow.
     """
     if options.start is None:
         raise ParameterError(
