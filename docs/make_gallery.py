@@ -2,13 +2,14 @@
 
 A script says in its docstring what it shows, and leaves a matplotlib figure called `figure`. A picture is kept under
 the checksum of its script, of this file and of the version of clutchid, so that a script that has not changed does
-not run again.
+not run again. Each script is written as a notebook too, with a cell at each `# %%`.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import runpy
 import shutil
@@ -40,6 +41,22 @@ def code(script: Path) -> str:
     return script.read_text(encoding="utf-8").split('"""', 2)[2].strip()
 
 
+def cells(script: Path) -> list[str]:
+    """The cells of a script: its parts behind `# %%`, or the whole; the last one ends with the figure."""
+    parts = [part.strip() for part in code(script).split("# %%\n") if part.strip()]
+    return [*parts[:-1], f"{parts[-1]}\nfigure"]
+
+
+def notebook(script: Path) -> dict[str, object]:
+    """A script as a Jupyter notebook, format 4.5, without results."""
+    title, text = words(script)
+    first = {"cell_type": "markdown", "id": "title", "metadata": {}, "source": f"# {title}\n\n{text}"}
+    blank = {"cell_type": "code", "metadata": {}, "execution_count": None, "outputs": []}
+    others = [{**blank, "id": f"cell-{n}", "source": source} for n, source in enumerate(cells(script), 1)]
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    return {"nbformat": 4, "nbformat_minor": 5, "metadata": {"kernelspec": kernel}, "cells": [first, *others]}
+
+
 def picture(script: Path) -> Path:
     """The picture of a script, drawn where it is not kept."""
     key = sha256(script.read_bytes() + Path(__file__).read_bytes() + clutchid.__version__.encode()).hexdigest()[:16]
@@ -65,7 +82,13 @@ def gallery(folder: Path) -> None:
     for script in scripts():
         title, text = words(script)
         shutil.copy(picture(script), folder / f"{script.stem}.png")
-        parts += [f"## {title}", text, f"![{title}]({script.stem}.png)", f"`docs/gallery/{script.name}`"]
+        (folder / f"{script.stem}.ipynb").write_text(json.dumps(notebook(script), indent=1), encoding="utf-8")
+        parts += [
+            f"## {title}",
+            text,
+            f"![{title}]({script.stem}.png)",
+            f"`docs/gallery/{script.name}`, [notebook]({script.stem}.ipynb)",
+        ]
         parts += [f"```python\n{code(script)}\n```"]
     (folder / "index.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 

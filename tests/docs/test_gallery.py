@@ -52,6 +52,24 @@ def test_a_script_has_a_title_and_says_what_it_shows(script, made):
     assert ast.parse(made.code(script)).body
 
 
+@pytest.mark.slow
+def test_a_notebook_runs_cell_by_cell_and_shows_its_fit(made, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    notebook = made.notebook(made.SCRIPTS / "own_tools.py")
+    assert (notebook["nbformat"], notebook["cells"][0]["cell_type"]) == (4, "markdown")
+    names, shown = {}, []
+    for cell in notebook["cells"][1:]:
+        *body, last = ast.parse(cell["source"]).body
+        exec(compile(ast.Module(body, []), "cell", "exec"), names)
+        if isinstance(last, ast.Expr):
+            shown.append(eval(compile(ast.Expression(last.value), "cell", "eval"), names))
+        else:
+            exec(compile(ast.Module([last], []), "cell", "exec"), names)
+    assert "<" in shown[0]._repr_html_(), "the fit, as a notebook shows it"
+    assert shown[-1] is names["figure"]
+    assert len(shown) >= 6
+
+
 def test_a_picture_is_drawn_once_and_anew_when_its_script_has_changed(made, tmp_path, monkeypatch):
     monkeypatch.setattr(made, "KEPT", tmp_path / "kept")
     script = tmp_path / "one.py"
