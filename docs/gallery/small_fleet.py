@@ -21,10 +21,10 @@ with TemporaryDirectory() as folder:
     for number in range(3):
         vehicle = f"truck_{number}"
         (root / "trucks" / vehicle).mkdir(parents=True)
-        fit = clutchid.calibrate(clutchid.drive(number, seconds=8, seed=number).log)
+        fit = clutchid.calibrate(clutchid.drive(number, seconds=6, seed=number).log)
         clutchid.write_parameters(clutchid.parameter_file(fit), root / "calibrations" / f"{vehicle}.toml")
         for visit, wear in enumerate(WEAR):
-            run = clutchid.drive(number, seconds=8, seed=10 * number + visit, wear=wear, pressure=False)
+            run = clutchid.drive(number, seconds=6, seed=10 * number + visit, wear=wear, pressure=False)
             clutchid.write(run.log, root / "trucks" / vehicle / f"visit_{visit}.parquet")
     clutchid.fleet(root / "trucks", root / "calibrations", root / "result", verb="track")
     rows = pl.read_parquet(root / "result" / "results.parquet").sort("vehicle", "recording")
