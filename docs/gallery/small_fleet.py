@@ -1,6 +1,6 @@
 """A fleet
 
-Three virtual trucks, each calibrated once and read three times as its clutch wears: the shift of the half-load
+Three virtual trucks, each calibrated once and read new and worn: the shift of the half-load
 position that `clutchid.fleet` reads, with its interval, against the true wear.
 """
 
@@ -12,7 +12,7 @@ import polars as pl
 
 import clutchid
 
-WEAR = (0.0, 0.5e-3, 1e-3)  # m
+WEAR = (0.0, 1e-3)  # m
 
 figure, axes = plt.subplots(figsize=(7, 3.6))
 with TemporaryDirectory() as folder:

@@ -95,7 +95,7 @@ def test_beyond_a_bound_the_density_is_zero(own_data: Log) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "steps"), [("simulation", 400), ("shooting", 100), ("prediction-error", 400)])
+@pytest.mark.parametrize(("method", "steps"), [("simulation", 300), ("shooting", 100), ("prediction-error", 250)])
 def test_a_sampler_finds_the_stated_deviations(method: str, steps: int, own_data: Log) -> None:
     """Affine-invariant ensemble (Goodman and Weare 2010), as emcee has it."""
     fit = clutchid.fit(own_data.slice(0, 2000), method=method, measure="position,pressure_a", free="theta_1,P_S")
