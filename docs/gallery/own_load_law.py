@@ -46,6 +46,8 @@ end = least_squares(lambda p: problem.residuals(x_of(p)), near, jacobian, bounds
 
 figure, axes = plt.subplots(figsize=(7, 3.6))
 truth, curve = true_load(log), calibrated.load_curve
+error = np.interp(grid, truth.position, truth.force) - law(end.x)
+print(f"law: rms {100 * np.sqrt(np.mean(error**2)) / truth.force.max():.1f} % of the peak from the true load")
 axes.fill_between(curve.position * 1e3, curve.low, curve.high, alpha=0.3, label="calibration, 22 weights")
 axes.plot(grid * 1e3, law(end.x), color="C1", label="law of Almen and Laszlo, 5 parameters")
 axes.plot(truth.position * 1e3, truth.force, "k:", label="true")

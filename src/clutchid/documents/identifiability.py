@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 def identifiability_json(fit: Fit) -> dict[str, Any]:
     """Ranking, near dependencies and profiles of a fit as JSON."""
-    of = fit.identifiability
+    ranked = fit.identifiability
     return {
-        "identifiability": of and {
-            "ranking": [row._asdict() for row in of.ranking],
-            "dependencies": [group._asdict() for group in of.dependencies],
+        "identifiability": ranked and {
+            "ranking": [row._asdict() for row in ranked.ranking],
+            "dependencies": [group._asdict() for group in ranked.dependencies],
         },
         "profiles": {name: {**c._asdict(), "values": c.values.tolist(), "distances": c.distances.tolist()}
                      for name, c in fit.profiles.items()},
@@ -34,10 +34,10 @@ def identifiability_json(fit: Fit) -> dict[str, Any]:
 
 def identifiability_blocks(fit: Fit) -> list[Block]:
     """Near dependencies as sentences, the ranking as a table, and a figure of each profile."""
-    of = fit.identifiability
-    if of is None:
+    ranked = fit.identifiability
+    if ranked is None:
         return []
-    sentences = tuple(_sentence(fit, group) for group in of.dependencies)
+    sentences = tuple(_sentence(fit, group) for group in ranked.dependencies)
     bullets = [Bullets(sentences)] if sentences else []
     profiles = (
         Picture(

@@ -86,9 +86,8 @@ def fit_request(
         readings = _one_by_one(recordings.usable, start, request, progress, methods)
     report_stage(progress, "verification")
     simulated, problems = verification(result.actuator, others, request.partition, request.measure, result.follows)
-    before: Mapping[str, Recording] = {}
-    if result.baseline is None:
-        before, _ = verification(start, others, request.partition, request.measure, result.follows)
+    compared = others if result.baseline is None else []
+    before, _ = verification(start, compared, request.partition, request.measure, result.follows)
     gains = {
         name: 1.0 - recording.errors.position_rms / max(before[name].errors.position_rms, 1e-12)
         for name, recording in simulated.items()

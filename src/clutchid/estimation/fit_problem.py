@@ -140,10 +140,9 @@ class FitProblem:
 
     def residuals(self, x: ArrayLike) -> FloatArray:
         """Residuals (m,) in standard deviations; infinite where nothing can be simulated, so that a step shortens."""
-        rows = self._rows_at(self._checked(x).tobytes())
-        if isinstance(rows, Failure):
-            return np.full(len(self._all_rows(self.x)), np.inf)
-        return np.concatenate([rows.prior[:, -1], rows.data[:, -1]])
+        if isinstance(self._rows_at(self._checked(x).tobytes()), Failure):
+            return np.full(len(self._stacked(self.x)), np.inf)
+        return self._stacked(x)[:, -1]
 
     def jacobian(self, x: ArrayLike) -> FloatArray:
         """Derivatives (m, k) of the residuals with respect to x.
@@ -153,7 +152,7 @@ class FitProblem:
         SolveError
             If a recording cannot be simulated at x.
         """
-        return self._all_rows(x)[:, :-1]
+        return self._stacked(x)[:, :-1]
 
     def raw_jacobian(self, x: ArrayLike) -> FloatArray:
         """Derivatives (m, k) of the samples in SI with respect to the values in SI, without those of priors.
@@ -165,9 +164,7 @@ class FitProblem:
         SolveError
             If a recording cannot be simulated at x.
         """
-        rows = self._rows_at(self._checked(x).tobytes())
-        if isinstance(rows, Failure):
-            raise SolveError(rows.message)
+        rows = self._rows(x)
         if rows.scales is None:
             raise ParameterError(
                 "raw_jacobian: by 'shooting' the samples are eliminated with the states; use jacobian(x), or "
@@ -227,11 +224,15 @@ class FitProblem:
         P[np.ix_(finite, finite)] = np.linalg.pinv(self.covariance[np.ix_(finite, finite)], hermitian=True)
         return P, J.T @ J
 
-    def _all_rows(self, x: ArrayLike) -> FloatArray:
+    def _stacked(self, x: ArrayLike) -> FloatArray:
+        rows = self._rows(x)
+        return np.vstack([rows.prior, rows.data])
+
+    def _rows(self, x: ArrayLike) -> ResidualRows:
         rows = self._rows_at(self._checked(x).tobytes())
         if isinstance(rows, Failure):
             raise SolveError(rows.message)
-        return np.vstack([rows.prior, rows.data])
+        return rows
 
     @cached_property
     def _near(self) -> object:
@@ -289,7 +290,8 @@ def problem_of_request(logs: Sequence[Log], actuator: Actuator | None, request: 
     begin = recordings.method.start(problem, free)
     if isinstance(begin, Failure):
         raise SolveError(begin.message)
-    return FitProblem(name, inputs, start, free, request.calibration, problem.noise.measured, *begin)
+    scales = problem.noise.measured
+    return _with_problem(FitProblem(name, inputs, start, free, request.calibration, scales, *begin), problem)
 
 
 def problem_of_fit(fit: Fit) -> FitProblem:
@@ -311,7 +313,14 @@ def problem_of_fit(fit: Fit) -> FitProblem:
         )
     problem = _problem(fit.method, logs, start, free, request.calibration, fit.scales)
     x, states = _end(fit, problem), _window_starts(fit, problem)
-    return FitProblem(fit.method, logs, start, free, request.calibration, fit.scales, x, states, is_fitted=True)
+    at_end = FitProblem(fit.method, logs, start, free, request.calibration, fit.scales, x, states, is_fitted=True)
+    return _with_problem(at_end, problem)
+
+
+def _with_problem(public: FitProblem, problem: Problem) -> FitProblem:
+    """`public` with the problem that its x was made from, so that the recordings are not prepared again."""
+    vars(public)["_problem"] = problem
+    return public
 
 
 def _end(fit: Fit, problem: Problem) -> FloatArray:

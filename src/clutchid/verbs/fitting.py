@@ -21,6 +21,7 @@ from clutchid.verbs.reading import LogOrPath, Reading, inspected, reading_of
 from clutchid.verbs.start import CalibrationSource, FitStart, start_of
 
 if TYPE_CHECKING:
+    from clutchid.log import Log
     from clutchid.measurements.map.channel_map import ChannelMap
 
 
@@ -281,11 +282,7 @@ def problem(
     """
     asked = requested("fit", request, free=free, measure=measure, bounds=bounds, method=method, zero=zero)
     reading = reading_of(logs, (), ambient=ambient, channels=channels, dbc=dbc, force=force)
-    actuator, asked = start_of(start, asked.completed())
-    logs = inspected(
-        reading.read(actuator, asked.measure), actuator, asked.counted_from, asked.zero, force=reading.force
-    )
-    return problem_of_request(logs, actuator, asked)
+    return problem_of_request(*_recordings(reading, start, asked))
 
 
 def fitted(
@@ -304,15 +301,22 @@ def fitted(
     DataError, ParameterError
         As `fit`.
     """
+    logs, actuator, request = _recordings(reading, start, request, progress)
+    count = len(reading.logs)
+    return fit_request(logs[:count], actuator, request, logs[count:], progress, before_checks=before_checks)
+
+
+def _recordings(
+    reading: Reading, start: FitStart, request: FitRequest, progress: Progress | None = None
+) -> tuple[list[Log], Actuator, FitRequest]:
+    """Recordings read and checked, those of the verification last, with the actuator and the request to start from."""
     actuator, request = start_of(start, request.completed())
     if request.has_priors:
         compile_filter_beside()
     reported(progress, "reading")
     logs = reading.read(actuator, request.measure)
     reported(progress, "checks")
-    logs = inspected(logs, actuator, request.counted_from, request.zero, force=reading.force)
-    count = len(reading.logs)
-    return fit_request(logs[:count], actuator, request, logs[count:], progress, before_checks=before_checks)
+    return inspected(logs, actuator, request.counted_from, request.zero, force=reading.force), actuator, request
 
 
 def _ended(fit: Fit, on_failure: Literal["raise", "return"]) -> Fit:

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from clutchid.estimation.assess.diagnostics import Diagnosis, diagnose, fit_percent
+from clutchid.estimation.assess.diagnostics import ColumnDiagnosis, Diagnosis, diagnose, fit_percent
 from clutchid.estimation.assess.missing_excitation import missing_excitation
 from clutchid.estimation.result import Fit, Recording
 from clutchid.inference.uncertainty.gaussian import Information, natural_sizes
@@ -87,12 +87,15 @@ class Evidence:
 
     def criteria(self, parameters: int, like: Evidence | None = None) -> Criteria:
         """Information criteria with a number of free parameters, and the independent residuals of another fit."""
-        columns = [(key, c) for key, diagnosis in self.diagnoses.items() for c in diagnosis.columns.items()]
-        others = (like or self).diagnoses
-        counts = [others[key].columns[name].effective_samples for key, (name, _) in columns]
-        losses = sum(n * 2.0 * np.log(c.rms) for n, (_, (_, c)) in zip(counts, columns, strict=True))
-        n = float(sum(counts))
+        counts = {place: column.effective_samples for place, column in (like or self)._columns().items()}
+        columns = self._columns()
+        losses = sum(2.0 * counts[place] * np.log(column.rms) for place, column in columns.items())
+        n = float(sum(counts[place] for place in columns))
         return Criteria(float(losses + 2 * parameters), float(losses + parameters * np.log(max(n, 1.0))), n)
+
+    def _columns(self) -> dict[tuple[str, str], ColumnDiagnosis]:
+        """The diagnosed columns by recording and name."""
+        return {(key, name): c for key, diagnosis in self.diagnoses.items() for name, c in diagnosis.columns.items()}
 
 
 @once_a_fit
